@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// Matrix and pose types used throughout icat.
+///
+/// Conventions, everywhere in the library: SI units (m, rad, s); 6-vectors are stacked
+/// `[linear; angular]`; the system velocity is `ẏ = [q̇; v]` [Coop, Eq. (2)] with the vehicle
+/// velocity `v` of frame ⟨v⟩ with respect to the inertial frame ⟨0⟩ and components on ⟨v⟩;
+/// ⟨0⟩ is NED, z points down.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+namespace icat {
+
+using Eigen::Index;
+
+template <class Scalar, int N>
+using Vector = Eigen::Matrix<Scalar, N, 1>;
+
+/// Row-count unknown until run time, column count `N` (the degrees of freedom).
+template <class Scalar, int N = Eigen::Dynamic>
+using JacobianMatrix = Eigen::Matrix<Scalar, Eigen::Dynamic, N>;
+
+template <class Scalar>
+using Vector3 = Vector<Scalar, 3>;
+template <class Scalar>
+using Vector6 = Vector<Scalar, 6>;
+template <class Scalar>
+using Matrix3 = Eigen::Matrix<Scalar, 3, 3>;
+template <class Scalar>
+using Matrix6 = Eigen::Matrix<Scalar, 6, 6>;
+
+/// Rigid transform; a `Pose` called `a_b` maps components on ⟨b⟩ to components on ⟨a⟩.
+template <class Scalar>
+using Pose = Eigen::Transform<Scalar, 3, Eigen::Isometry>;
+
+/// Sum of two compile-time sizes, `Eigen::Dynamic` if either is.
+constexpr int add_sizes(int a, int b) {
+  return a == Eigen::Dynamic || b == Eigen::Dynamic ? Eigen::Dynamic : a + b;
+}
+
+}  // namespace icat

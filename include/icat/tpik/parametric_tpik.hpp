@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// The arm law parametrized by the vehicle velocity, [Coop, Eq. (24), (25)].
+///
+///     q̇ = ρ̃ + P v
+///     ρ̃_k = ρ̃_{k−1} + Q_{k−1} X_k^{#,A_k,I} W_k (ẋ̄_k − J_kᵃ ρ̃_{k−1})
+///     P_k = P_{k−1} − Q_{k−1} X_k^{#,A_k,I} W_k (J_kᵃ P_{k−1} + J_kᵛ)
+///     ρ̃₀ = 0, P₀ = 0, Q₀ = I over the arm's columns, X_k = J_kᵃ Q_{k−1}
+///
+/// Evaluated on the latest measured v, it is optimal for that v, so the arm loop may run faster
+/// than the solver. It equals [MARIS]'s TPIK 2 (`Tpik` with all vehicle components given).
+///
+/// **Erratum** [Coop, Eq. (25)]: as printed, `P_k = (I − Q X^# W) Jᵃ − Q X^# W Jᵛ` has dimensions
+/// that do not fit; the form above follows from ρ_k = ρ̃_k + P_k v in Eq. (22).
+#pragma once
+
+#include "icat/tpik/level_check.hpp"
+#include "icat/tpik/priority_iteration.hpp"
+
+namespace icat {
+
+/// `N` arm joints, `Parameters` given velocities (6 for a vehicle). Velocity bounds are no part of
+/// it: the saturation depends on v, so the law would not be affine. Saturate what it yields
+/// (`VelocityBounds`), or use `Tpik::reset(rho0, Q0)`.
+template <std::floating_point Scalar, int N = Eigen::Dynamic, int Parameters = 6,
+          RegularizationPolicy<Scalar> Regularization = BellRegularization<Scalar>>
+class ParametricTpik {
+ public:
+  using VectorN = Vector<Scalar, N>;
+  using SquareN = Eigen::Matrix<Scalar, N, N>;
+  using ParameterMatrix = Eigen::Matrix<Scalar, N, Parameters>;
+
+  struct Options {
+    Regularization regularization{};
+    Scalar projection_weight{1};  ///< η of Eq. (20), > 0
+  };
+
+  /// @throws std::invalid_argument on parameters out of range. Allocates if `N` is dynamic.
+  ParametricTpik()
+    requires(N != Eigen::Dynamic)
+      : ParametricTpik(N, Options{}, 0) {}
+  explicit ParametricTpik(const Options& options)
+    requires(N != Eigen::Dynamic)
+      : ParametricTpik(N, options, 0) {}
+  explicit ParametricTpik(Index arm_dof)
+    requires(N == Eigen::Dynamic)
+      : ParametricTpik(arm_dof, Options{}, 0) {}
+  ParametricTpik(Index arm_dof, const Options& options)
+    requires(N == Eigen::Dynamic)
+      : ParametricTpik(arm_dof, options, 0) {}
+
+  Index arm_dof() const noexcept { return law_.rows(); }
+
+  void reset() noexcept {
+    law_.setZero();
+    iteration_.projector.setIdentity();
+    report_.clear();
+  }
+
+  /// One iteration. `jacobian` is `[Jᵃ Jᵛ]`, m × (N + Parameters); the rest as in
+  /// `Tpik::add_level`, and so are errors and allocation. The report's rates are those for v = 0.
+  template <class J, class A, class R>
+  Status add_level(const Eigen::MatrixBase<J>& jacobian, const Eigen::MatrixBase<A>& activation,
+                   const Eigen::MatrixBase<R>& reference) noexcept {
+    detail::assert_level_sizes<J, A, R>();
+    const Index l = arm_dof();
+    auto level = detail::check_level(jacobian, activation, reference, l + Parameters);
+    if (level.status == Status::ok && level.active_rows > 0) {
+      iteration_.begin(level.active_rows);
+      for (Index i = 0; i < level.rows; ++i) {
+        if (activation(i) == Scalar(0)) continue;
+        const auto arm = jacobian.row(i).head(l);
+        residual_.noalias() = -arm * law_;
+        residual_(0) += reference(i);
+        residual_.template tail<Parameters>() -= jacobian.row(i).template tail<Parameters>();
+        iteration_.row(arm, activation(i), residual_);
+      }
+      if (!iteration_.solve()) {
+        level.status = Status::numerical_failure;
+      } else if (advance(level)) {
+        iteration_.accept();
+        level.regularized = iteration_.regularized();
+        for (Index i = 0; i < level.rows; ++i) {
+          const Scalar x = activation(i) * reference(i);
+          const Scalar y = activation(i) * jacobian.row(i).head(l).dot(rho().transpose());
+          level.requested_rate = std::hypot(level.requested_rate, x);
+          level.achieved_rate = std::hypot(level.achieved_rate, y);
+          level.tracking_error = std::hypot(level.tracking_error, x - y);
+        }
+      }
+    }
+    report_.add(level);
+    return level.status;
+  }
+
+  /// The closing level, which minimizes the arm's motion; call it last, always.
+  Status minimize_velocity() noexcept {
+    LevelReport<Scalar> level;
+    level.rows = level.active_rows = arm_dof();
+    if (!iteration_.close(law_)) {
+      level.status = Status::numerical_failure;
+    } else {
+      (void)advance(level);
+    }
+    report_.add(level);
+    return level.status;
+  }
+
+  /// ρ̃, N.
+  auto rho() const noexcept { return law_.col(0); }
+  /// P, N × Parameters.
+  auto P() const noexcept { return law_.template rightCols<Parameters>(); }
+  /// q̇ = ρ̃ + P v. `v` in the frame of the Jacobian's last columns (⟨v⟩ for a vehicle).
+  VectorN evaluate(const Vector<Scalar, Parameters>& v) const noexcept { return rho() + P() * v; }
+  const SquareN& projector() const noexcept { return iteration_.projector; }
+  const TpikReport<Scalar>& report() const noexcept { return report_; }
+
+ private:
+  static constexpr int columns = 1 + Parameters;
+  using Law = Eigen::Matrix<Scalar, N, columns>;  // [ρ̃ P]
+
+  ParametricTpik(Index arm_dof, const Options& options, int)
+      : iteration_(validated(options, arm_dof), options.regularization, options.projection_weight),
+        law_(Law::Zero(arm_dof, columns)),
+        next_law_(Law::Zero(arm_dof, columns)) {}
+
+  static Index validated(const Options& options, Index arm_dof) {
+    if (arm_dof < 1) detail::invalid("ParametricTpik: arm_dof must be >= 1, got ", arm_dof);
+    if constexpr (requires { options.regularization.validate(); }) {
+      options.regularization.validate();
+    }
+    detail::require_positive("ParametricTpik", "projection_weight", options.projection_weight);
+    return arm_dof;
+  }
+
+  bool advance(LevelReport<Scalar>& level) noexcept {
+    next_law_ = law_ + iteration_.increment;
+    if (!next_law_.allFinite()) {
+      level.status = Status::numerical_failure;
+      return false;
+    }
+    law_ = next_law_;
+    return true;
+  }
+
+  detail::PriorityIteration<Scalar, N, columns, Regularization> iteration_;
+  Law law_, next_law_;
+  Eigen::Matrix<Scalar, 1, columns> residual_;
+  TpikReport<Scalar> report_;
+};
+
+}  // namespace icat

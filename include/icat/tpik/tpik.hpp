@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// Task-priority inverse kinematics of the iCAT framework, [Coop, Eq. (20)–(23)], [MARIS, Eq. (12)].
+///
+///     ρ₀ = 0, Q₀ = I
+///     X_k = J_k Q_{k−1}
+///     W_k = X_k X_k^{#,A_k,Q_{k−1}}
+///     Q_k = Q_{k−1} (I − X_k^{#,A_k,I} X_k)
+///     ρ_k = ρ_{k−1} + Sat( Q_{k−1} X_k^{#,A_k,I} W_k (ẋ̄_k − J_k ρ_{k−1}) )
+///     ẏ   = ρ_{N+1}, from one more iteration with J = I, A = I, ẋ̄ = 0
+///
+/// Call `reset`, `add_level` from the highest priority down, `minimize_velocity`; read `velocity`.
+#pragma once
+
+#include <concepts>
+#include <optional>
+
+#include "icat/tpik/level_check.hpp"
+#include "icat/tpik/priority_iteration.hpp"
+#include "icat/tpik/velocity_bounds.hpp"
+
+namespace icat {
+
+/// Solver for `N` degrees of freedom (`Eigen::Dynamic`: given at construction). After construction
+/// nothing allocates or throws. Not safe to share between threads; distinct objects are.
+template <std::floating_point Scalar, int N = Eigen::Dynamic,
+          RegularizationPolicy<Scalar> Regularization = BellRegularization<Scalar>>
+class Tpik {
+ public:
+  using VectorN = Vector<Scalar, N>;
+  using SquareN = Eigen::Matrix<Scalar, N, N>;
+
+  struct Options {
+    Regularization regularization{};
+    Scalar projection_weight{1};  ///< η of Eq. (20), > 0; the paper has 1
+    std::optional<VelocityBounds<Scalar, N>> bounds{};
+  };
+
+  /// @throws std::invalid_argument on parameters out of range. Allocates if `N` is dynamic.
+  Tpik()
+    requires(N != Eigen::Dynamic)
+      : Tpik(N, Options{}, 0) {}
+  explicit Tpik(const Options& options)
+    requires(N != Eigen::Dynamic)
+      : Tpik(N, options, 0) {}
+  explicit Tpik(Index dof)
+    requires(N == Eigen::Dynamic)
+      : Tpik(dof, Options{}, 0) {}
+  Tpik(Index dof, const Options& options)
+    requires(N == Eigen::Dynamic)
+      : Tpik(dof, options, 0) {}
+
+  Index dof() const noexcept { return rho_.size(); }
+  const Options& options() const noexcept { return options_; }
+
+  /// ρ₀ = 0, Q₀ = I. No allocation.
+  void reset() noexcept {
+    rho_.setZero();
+    iteration_.projector.setIdentity();
+    report_.clear();
+  }
+
+  /// Start of a system that is not fully actuated [Coop, Eq. (31)] or constrained [Coop, IV]:
+  /// `rho0` (n) is the velocity that is given anyway, `Q0` (n × n) the projector onto what may be
+  /// chosen. On bad input ρ₀ = 0 and Q₀ = 0, so that nothing moves; the report holds the status.
+  template <class R, class Q>
+  Status reset(const Eigen::MatrixBase<R>& rho0, const Eigen::MatrixBase<Q>& Q0) noexcept {
+    report_.clear();
+    const bool sized = rho0.size() == dof() && Q0.rows() == dof() && Q0.cols() == dof();
+    if (!sized || !rho0.allFinite() || !Q0.allFinite()) {
+      rho_.setZero();
+      iteration_.projector.setZero();
+      const Status status = sized ? Status::non_finite : Status::wrong_size;
+      report_.fail(status, -1, -1);
+      return status;
+    }
+    for (Index i = 0; i < dof(); ++i) rho_(i) = rho0(i);
+    iteration_.projector = Q0;
+    return Status::ok;
+  }
+
+  /// One iteration of Eq. (22).
+  /// @param jacobian   m × n, any m ≥ 0; any evaluated Eigen matrix or block (expressions are
+  ///                   evaluated row by row, repeatedly).
+  /// @param activation m, the diagonal of A, in [0, 1]
+  /// @param reference  m, the reference rate ẋ̄
+  /// @return `ok`, or why the level was refused: it then changed nothing, later levels may follow,
+  ///         and the report names the level and its row. A level of activation 0 changes nothing,
+  ///         exactly. No allocation, no exception.
+  template <class J, class A, class R>
+  Status add_level(const Eigen::MatrixBase<J>& jacobian, const Eigen::MatrixBase<A>& activation,
+                   const Eigen::MatrixBase<R>& reference) noexcept {
+    detail::assert_level_sizes<J, A, R>();
+    LevelReport<Scalar> level = detail::check_level(jacobian, activation, reference, dof());
+    if (level.status == Status::ok && level.active_rows > 0) {
+      iteration_.begin(level.active_rows);
+      for (Index i = 0; i < level.rows; ++i) {
+        if (activation(i) == Scalar(0)) continue;
+        residual_(0) = reference(i) - jacobian.row(i).dot(rho_.transpose());
+        iteration_.row(jacobian.row(i), activation(i), residual_);
+      }
+      if (!iteration_.solve()) {
+        level.status = Status::numerical_failure;
+      } else if (advance(level)) {
+        iteration_.accept();
+        level.regularized = iteration_.regularized();
+        rate_norms(jacobian, activation, reference, level);
+      }
+    }
+    report_.add(level);
+    return level.status;
+  }
+
+  /// The closing level of Eq. (23), which keeps ẏ continuous: call it last, always. Listed in the
+  /// report as a level of n rows.
+  Status minimize_velocity() noexcept {
+    LevelReport<Scalar> level;
+    level.rows = level.active_rows = dof();
+    if (!iteration_.close(rho_)) {
+      level.status = Status::numerical_failure;
+    } else if (advance(level)) {
+      level.achieved_rate = level.tracking_error = rho_.norm();
+    }
+    report_.add(level);
+    return level.status;
+  }
+
+  /// ρ after the last level, n: after `minimize_velocity`, ẏ. Always finite.
+  const VectorN& velocity() const noexcept { return rho_; }
+  /// Q after the last `add_level`, n × n: what the levels so far leave to those below.
+  const SquareN& projector() const noexcept { return iteration_.projector; }
+  const TpikReport<Scalar>& report() const noexcept { return report_; }
+
+ private:
+  Tpik(Index dof, const Options& options, int)
+      : options_(validated(options, dof)),
+        iteration_(dof, options.regularization, options.projection_weight),
+        rho_(VectorN::Zero(dof)),
+        next_rho_(VectorN::Zero(dof)) {}
+
+  static const Options& validated(const Options& options, Index dof) {
+    if (dof < 1) detail::invalid("Tpik: dof must be >= 1, got ", dof);
+    if constexpr (requires { options.regularization.validate(); }) {
+      options.regularization.validate();
+    }
+    detail::require_positive("Tpik", "projection_weight", options.projection_weight);
+    if (options.bounds) options.bounds->validate("Tpik", dof);
+    return options;
+  }
+
+  /// ρ += Sat(Δ); false, and ρ as it was, if that overflows.
+  bool advance(LevelReport<Scalar>& level) noexcept {
+    next_rho_ = rho_;
+    if (options_.bounds) {
+      level.saturation_scale = options_.bounds->scale(rho_, iteration_.increment);
+      options_.bounds->advance(next_rho_, iteration_.increment, level.saturation_scale);
+    } else {
+      next_rho_ += iteration_.increment;
+    }
+    if (!next_rho_.allFinite()) {
+      level.status = Status::numerical_failure;
+      return false;
+    }
+    rho_ = next_rho_;
+    return true;
+  }
+
+  template <class J, class A, class R>
+  void rate_norms(const J& jacobian, const A& activation, const R& reference,
+                  LevelReport<Scalar>& level) const noexcept {
+    Scalar requested(0), achieved(0), error(0);
+    for (Index i = 0; i < level.rows; ++i) {
+      const Scalar a = activation(i);
+      if (a == Scalar(0)) continue;
+      const Scalar x = a * reference(i);
+      const Scalar y = a * jacobian.row(i).dot(rho_.transpose());
+      requested += x * x;
+      achieved += y * y;
+      error += (x - y) * (x - y);
+    }
+    level.requested_rate = std::sqrt(requested);
+    level.achieved_rate = std::sqrt(achieved);
+    level.tracking_error = std::sqrt(error);
+  }
+
+  Options options_;
+  detail::PriorityIteration<Scalar, N, 1, Regularization> iteration_;
+  VectorN rho_, next_rho_;
+  Vector<Scalar, 1> residual_;
+  TpikReport<Scalar> report_;
+};
+
+}  // namespace icat

@@ -1,0 +1,359 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What the solver promises beyond equality with the oracle: inactive levels, bounds, bad input.
+#include <gtest/gtest.h>
+
+#include <icat/tpik/tpik.hpp>
+
+#include "support/oracle.hpp"
+
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using icat::Status;
+using Tpik = icat::Tpik<double>;
+constexpr double inf = std::numeric_limits<double>::infinity();
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+TEST(Tpik, ALevelOfActivationZeroChangesNothingExactly) {
+  for (unsigned seed = 0; seed < 200; ++seed) {
+    SCOPED_TRACE(seed);
+    HierarchyGenerator gen(seed);
+    const RandomHierarchy h = gen.hierarchy(4, 12);
+    Tpik with(h.dof), without(h.dof);
+    ASSERT_EQ(with.reset(h.rho0, h.Q0), Status::ok);
+    ASSERT_EQ(without.reset(h.rho0, h.Q0), Status::ok);
+    for (const auto& level : h.levels) {
+      const int m = gen.integer(1, 8);
+      ASSERT_EQ(with.add_level(gen.matrix(m, h.dof), VectorXd::Zero(m), gen.matrix(m, 1)),
+                Status::ok);
+      ASSERT_EQ(with.add_level(level.J, level.a, level.reference), Status::ok);
+      ASSERT_EQ(without.add_level(level.J, level.a, level.reference), Status::ok);
+      ASSERT_EQ(with.velocity(), without.velocity());
+      ASSERT_EQ(with.projector(), without.projector());
+    }
+    ASSERT_EQ(with.minimize_velocity(), Status::ok);
+    ASSERT_EQ(without.minimize_velocity(), Status::ok);
+    ASSERT_EQ(with.velocity(), without.velocity());
+  }
+}
+
+// A row of activation zero drops out exactly as well.
+TEST(Tpik, ARowOfActivationZeroChangesNothingExactly) {
+  HierarchyGenerator gen(4);
+  const MatrixXd J = gen.matrix(5, 9);
+  const VectorXd reference = gen.matrix(5, 1);
+  VectorXd a = VectorXd::Ones(5);
+  a(2) = 0;
+  Tpik with(9), without(9);
+  ASSERT_EQ(with.add_level(J, a, reference), Status::ok);
+  MatrixXd J4(4, 9);
+  VectorXd r4(4);
+  for (int i = 0, k = 0; i < 5; ++i) {
+    if (i == 2) continue;
+    J4.row(k) = J.row(i);
+    r4(k++) = reference(i);
+  }
+  ASSERT_EQ(without.add_level(J4, VectorXd::Ones(4), r4), Status::ok);
+  EXPECT_EQ(with.velocity(), without.velocity());
+  EXPECT_EQ(with.projector(), without.projector());
+  EXPECT_EQ(with.report().levels()[0].rows, 5);
+  EXPECT_EQ(with.report().levels()[0].active_rows, 4);
+}
+
+TEST(Tpik, LowerPrioritiesDoNotDisturbHigherOnes) {
+  for (unsigned seed = 0; seed < 100; ++seed) {
+    SCOPED_TRACE(seed);
+    HierarchyGenerator gen(seed);
+    const MatrixXd J1 = gen.matrix(3, 10), J2 = gen.matrix(6, 10), J3 = gen.matrix(5, 10);
+    const VectorXd r1 = gen.matrix(3, 1), r2 = gen.matrix(6, 1), r3 = gen.matrix(5, 1);
+    Tpik tpik(10);
+    ASSERT_EQ(tpik.add_level(J1, VectorXd::Ones(3), r1), Status::ok);
+    ASSERT_EQ(tpik.add_level(J2, VectorXd::Ones(6), r2), Status::ok);
+    ASSERT_EQ(tpik.add_level(J3, VectorXd::Ones(5), r3), Status::ok);
+    ASSERT_EQ(tpik.minimize_velocity(), Status::ok);
+    EXPECT_LT((J1 * tpik.velocity() - r1).norm(), 1e-9);
+    // J2 may be within the regularization's reach; then priority is kept, tracking is damped.
+    if (!tpik.report().levels()[1].regularized) {
+      EXPECT_LT((J2 * tpik.velocity() - r2).norm(), 1e-9);
+    }
+  }
+}
+
+TEST(Tpik, ReportsRowsRatesAndRegularization) {
+  icat::Tpik<double, 3> tpik;
+  const Eigen::RowVector3d x(1, 0, 0), nearly_x(1, 0.05, 0);
+  using One = Eigen::Matrix<double, 1, 1>;
+  ASSERT_EQ(tpik.add_level(x, One(1.0), One(0.4)), Status::ok);
+  ASSERT_EQ(tpik.add_level(nearly_x, One(1.0), One(-0.4)), Status::ok);
+  ASSERT_EQ(tpik.minimize_velocity(), Status::ok);
+  const auto levels = tpik.report().levels();
+  ASSERT_EQ(levels.size(), 3u);
+  EXPECT_EQ(levels[0].active_rows, 1);
+  EXPECT_FALSE(levels[0].regularized);
+  EXPECT_NEAR(levels[0].requested_rate, 0.4, 1e-15);
+  EXPECT_NEAR(levels[0].achieved_rate, 0.4, 1e-12);
+  EXPECT_LT(levels[0].tracking_error, 1e-12);
+  // What x leaves of nearly_x is 0.05, whose square is under the threshold of 0.01.
+  EXPECT_TRUE(levels[1].regularized);
+  EXPECT_GT(levels[1].tracking_error, 0.01);
+  EXPECT_EQ(tpik.report().status(), Status::ok);
+}
+
+// --- Sat ---------------------------------------------------------------------------------------
+
+icat::VelocityBounds<double> random_bounds(HierarchyGenerator& gen, const VectorXd& rho0) {
+  icat::VelocityBounds<double> b{VectorXd(rho0.size()), VectorXd(rho0.size())};
+  for (Eigen::Index i = 0; i < rho0.size(); ++i) {
+    b.lower(i) = std::min(rho0(i), 0.0) - gen.uniform(0, 0.5);
+    b.upper(i) = std::max(rho0(i), 0.0) + gen.uniform(0, 0.5);
+    if (gen.integer(0, 9) == 0) b.upper(i) = inf;
+    if (gen.integer(0, 9) == 0) b.lower(i) = std::min(rho0(i), 0.0);
+  }
+  return b;
+}
+
+class Saturation : public testing::TestWithParam<int> {};
+
+TEST_P(Saturation, StaysInsideTheBoundsAndKeepsEveryIncrementsDirection) {
+  constexpr int per_shard = 520;
+  int scaled_levels = 0;
+  for (int i = 0; i < per_shard; ++i) {
+    const unsigned seed = static_cast<unsigned>(GetParam() * per_shard + i);
+    SCOPED_TRACE(seed);
+    HierarchyGenerator gen(seed);
+    const RandomHierarchy h = gen.hierarchy();
+    const auto bounds = random_bounds(gen, h.rho0);
+    Tpik tpik(h.dof, {.bounds = bounds});
+    // The same level from the same ρ and Q without bounds gives the unscaled increment.
+    Tpik free(h.dof);
+    ASSERT_EQ(tpik.reset(h.rho0, h.Q0), Status::ok);
+    for (const auto& level : h.levels) {
+      const VectorXd before = tpik.velocity();
+      ASSERT_EQ(free.reset(before, tpik.projector()), Status::ok);
+      ASSERT_EQ(tpik.add_level(level.J, level.a, level.reference), Status::ok);
+      ASSERT_EQ(free.add_level(level.J, level.a, level.reference), Status::ok);
+      const VectorXd full = free.velocity() - before;
+      const double s = tpik.report().levels().back().saturation_scale;
+      ASSERT_GE(s, 0);
+      ASSERT_LE(s, 1);
+      ASSERT_LE((tpik.velocity() - before - s * full).norm(), 1e-12 * (1 + full.norm()));
+      ASSERT_TRUE((tpik.velocity().array() >= bounds.lower.array()).all());
+      ASSERT_TRUE((tpik.velocity().array() <= bounds.upper.array()).all());
+      // s is the largest: a scaled level touches a bound.
+      if (s < 1) {
+        ++scaled_levels;
+        const double gap = std::min((tpik.velocity() - bounds.lower).minCoeff(),
+                                    (bounds.upper - tpik.velocity()).minCoeff());
+        ASSERT_LE(gap, 1e-12);
+      }
+    }
+    ASSERT_EQ(tpik.minimize_velocity(), Status::ok);
+    ASSERT_TRUE((tpik.velocity().array() >= bounds.lower.array()).all());
+    ASSERT_TRUE((tpik.velocity().array() <= bounds.upper.array()).all());
+  }
+  EXPECT_GT(scaled_levels, per_shard);  // the bounds do bite
+}
+// The seeds of the oracle's 2,080 hierarchies.
+INSTANTIATE_TEST_SUITE_P(Seeds, Saturation, testing::Range(0, 4));
+
+TEST(Saturation, TheBoundLeftOverIsWhatTheNextLevelMayUse) {
+  const VectorXd one = VectorXd::Ones(2);
+  Tpik tpik(2, {.bounds = icat::VelocityBounds<double>{-one, one}});
+  using One = Eigen::Matrix<double, 1, 1>;
+  ASSERT_EQ(tpik.add_level(Eigen::RowVector2d(1, 0), One(1.0), One(4.0)), Status::ok);
+  EXPECT_EQ(tpik.velocity(), Eigen::Vector2d(1, 0));
+  EXPECT_DOUBLE_EQ(tpik.report().levels()[0].saturation_scale, 0.25);
+  ASSERT_EQ(tpik.add_level(Eigen::RowVector2d(0, 1), One(1.0), One(0.5)), Status::ok);
+  EXPECT_NEAR(tpik.velocity()(1), 0.5, 1e-12);
+  EXPECT_EQ(tpik.report().levels()[1].saturation_scale, 1);
+}
+
+TEST(Saturation, AComponentThatStartsOutsideMayOnlyComeBack) {
+  const VectorXd one = VectorXd::Ones(2);
+  Tpik tpik(2, {.bounds = icat::VelocityBounds<double>{-one, one}});
+  const Eigen::Vector2d rho0(3, 0);
+  const Eigen::Matrix2d I = Eigen::Matrix2d::Identity();
+  using One = Eigen::Matrix<double, 1, 1>;
+  ASSERT_EQ(tpik.reset(rho0, I), Status::ok);
+  ASSERT_EQ(tpik.add_level(Eigen::RowVector2d(1, 0), One(1.0), One(5.0)), Status::ok);
+  EXPECT_EQ(tpik.velocity()(0), 3);
+  EXPECT_EQ(tpik.report().levels()[0].saturation_scale, 0);
+  ASSERT_EQ(tpik.reset(rho0, I), Status::ok);
+  ASSERT_EQ(tpik.add_level(Eigen::RowVector2d(1, 0), One(1.0), One(-5.0)), Status::ok);
+  EXPECT_DOUBLE_EQ(tpik.velocity()(0), -1);
+}
+
+// --- bad input ---------------------------------------------------------------------------------
+
+template <class F>
+std::string message_of(F&& f) {
+  try {
+    f();
+  } catch (const std::invalid_argument& e) {
+    return e.what();
+  }
+  return "no exception";
+}
+
+TEST(TpikErrors, ConfigurationThrowsWithNamesAndNumbers) {
+  using Fixed = icat::Tpik<double, 3>;
+  EXPECT_EQ(message_of([] { Fixed({.regularization = {.lambda = -2}}); }),
+            "BellRegularization: lambda must be finite and > 0, got -2");
+  EXPECT_EQ(message_of([] { Fixed({.regularization = {.threshold = nan}}); }),
+            "BellRegularization: threshold must be finite and > 0, got nan");
+  EXPECT_EQ(message_of([] { Fixed({.projection_weight = 0}); }),
+            "Tpik: projection_weight must be finite and > 0, got 0");
+  EXPECT_EQ(message_of([] { Fixed({.projection_weight = inf}); }),
+            "Tpik: projection_weight must be finite and > 0, got inf");
+  EXPECT_EQ(message_of([] { Tpik(0); }), "Tpik: dof must be >= 1, got 0");
+  EXPECT_EQ(message_of([] {
+              Tpik(3, {.bounds = icat::VelocityBounds<double>{VectorXd::Zero(2), VectorXd::Zero(3)}});
+            }),
+            "Tpik: velocity bounds have 2 and 3 components, need 3");
+  EXPECT_EQ(message_of([] {
+              Fixed({.bounds = icat::VelocityBounds<double, 3>{{-1, 0.25, -1}, {1, 0.5, 1}}});
+            }),
+            "Tpik: velocity bounds of component 1 must hold 0, got [0.25, 0.5]");
+  EXPECT_EQ(message_of([] {
+              Fixed({.bounds = icat::VelocityBounds<double, 3>{{-1, -1, nan}, {1, 1, 1}}});
+            }),
+            "Tpik: velocity bounds of component 2 must hold 0, got [nan, 1]");
+}
+
+struct BadLevel {
+  const char* name;
+  Status status;
+  int row;
+  void (*spoil)(MatrixXd&, VectorXd&, VectorXd&);
+};
+
+class BadInput : public testing::TestWithParam<BadLevel> {};
+
+TEST_P(BadInput, LeavesThePreviousVelocityAndNamesLevelAndRow) {
+  HierarchyGenerator gen(1);
+  Tpik tpik(8);
+  ASSERT_EQ(tpik.add_level(gen.matrix(2, 8), VectorXd::Ones(2), gen.matrix(2, 1)), Status::ok);
+  const VectorXd rho = tpik.velocity();
+  const MatrixXd Q = tpik.projector();
+  MatrixXd J = gen.matrix(4, 8);
+  VectorXd a = VectorXd::Ones(4), r = gen.matrix(4, 1);
+  GetParam().spoil(J, a, r);
+  EXPECT_EQ(tpik.add_level(J, a, r), GetParam().status);
+  EXPECT_EQ(tpik.velocity(), rho);
+  EXPECT_EQ(tpik.projector(), Q);
+  EXPECT_EQ(tpik.report().status(), GetParam().status);
+  EXPECT_EQ(tpik.report().failed_level(), 1);
+  EXPECT_EQ(tpik.report().failed_row(), GetParam().row);
+  // The solver goes on; the first fault stays in the report until the next reset.
+  EXPECT_EQ(tpik.add_level(gen.matrix(2, 8), VectorXd::Ones(2), gen.matrix(2, 1)), Status::ok);
+  EXPECT_EQ(tpik.minimize_velocity(), Status::ok);
+  EXPECT_TRUE(tpik.velocity().allFinite());
+  EXPECT_EQ(tpik.report().status(), GetParam().status);
+  tpik.reset();
+  EXPECT_EQ(tpik.report().status(), Status::ok);
+  EXPECT_EQ(tpik.report().failed_level(), -1);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Levels, BadInput,
+    testing::Values(
+        BadLevel{"NanInJacobian", Status::non_finite, 2,
+                 [](MatrixXd& J, VectorXd&, VectorXd&) { J(2, 3) = nan; }},
+        BadLevel{"NanInInactiveRow", Status::non_finite, 2,
+                 [](MatrixXd& J, VectorXd& a, VectorXd&) { J(2, 3) = nan, a(2) = 0; }},
+        BadLevel{"InfinityInJacobian", Status::non_finite, 3,
+                 [](MatrixXd& J, VectorXd&, VectorXd&) { J(3, 0) = -inf; }},
+        BadLevel{"NanInReference", Status::non_finite, 0,
+                 [](MatrixXd&, VectorXd&, VectorXd& r) { r(0) = nan; }},
+        BadLevel{"InfinityInReference", Status::non_finite, 1,
+                 [](MatrixXd&, VectorXd&, VectorXd& r) { r(1) = inf; }},
+        BadLevel{"NanInActivation", Status::non_finite, 1,
+                 [](MatrixXd&, VectorXd& a, VectorXd&) { a(1) = nan; }},
+        BadLevel{"ActivationAboveOne", Status::activation_out_of_range, 1,
+                 [](MatrixXd&, VectorXd& a, VectorXd&) { a(1) = std::nextafter(1.0, 2.0); }},
+        BadLevel{"ActivationBelowZero", Status::activation_out_of_range, 3,
+                 [](MatrixXd&, VectorXd& a, VectorXd&) { a(3) = -1e-300; }},
+        BadLevel{"TooFewColumns", Status::wrong_size, -1,
+                 [](MatrixXd& J, VectorXd&, VectorXd&) { J.conservativeResize(4, 7); }},
+        BadLevel{"ActivationTooShort", Status::wrong_size, -1,
+                 [](MatrixXd&, VectorXd& a, VectorXd&) { a.conservativeResize(3); }},
+        BadLevel{"ReferenceTooLong", Status::wrong_size, -1,
+                 [](MatrixXd&, VectorXd&, VectorXd& r) { r = VectorXd::Zero(5); }},
+        BadLevel{"Overflow", Status::numerical_failure, -1,
+                 [](MatrixXd& J, VectorXd&, VectorXd&) { J *= 1e200; }},
+        BadLevel{"OverflowOfTheVelocity", Status::numerical_failure, -1,
+                 [](MatrixXd& J, VectorXd&, VectorXd& r) { J *= 0.5, r.setConstant(1.7e308); }}),
+    [](const auto& test) { return test.param.name; });
+
+TEST(TpikErrors, ABadStartMovesNothing) {
+  Tpik tpik(4);
+  MatrixXd Q = MatrixXd::Identity(4, 4);
+  VectorXd rho = VectorXd::Zero(4);
+  HierarchyGenerator gen(2);
+  rho(1) = nan;
+  EXPECT_EQ(tpik.reset(rho, Q), Status::non_finite);
+  EXPECT_EQ(tpik.add_level(gen.matrix(2, 4), VectorXd::Ones(2), VectorXd::Ones(2)), Status::ok);
+  EXPECT_EQ(tpik.minimize_velocity(), Status::ok);
+  EXPECT_EQ(tpik.velocity(), VectorXd::Zero(4));
+  EXPECT_EQ(tpik.report().status(), Status::non_finite);
+  EXPECT_EQ(tpik.reset(VectorXd::Zero(3), Q), Status::wrong_size);
+  EXPECT_EQ(tpik.reset(VectorXd::Zero(4), MatrixXd::Identity(3, 4)), Status::wrong_size);
+}
+
+TEST(TpikErrors, ALevelWithoutRowsIsFine) {
+  Tpik tpik(4);
+  EXPECT_EQ(tpik.add_level(MatrixXd(0, 4), VectorXd(0), VectorXd(0)), Status::ok);
+  EXPECT_EQ(tpik.velocity(), VectorXd::Zero(4));
+}
+
+TEST(TpikErrors, MoreLevelsThanTheReportHoldsAreSolved) {
+  Tpik tpik(80);
+  const Eigen::Matrix<double, 1, 1> one(1.0);
+  for (int i = 0; i < 80; ++i) {
+    ASSERT_EQ(tpik.add_level(MatrixXd::Identity(80, 80).row(i), one, one), Status::ok);
+  }
+  EXPECT_LT((tpik.velocity() - VectorXd::Ones(80)).norm(), 1e-12);
+  EXPECT_EQ(tpik.report().levels().size(), 64u);
+  EXPECT_EQ(tpik.add_level(MatrixXd::Identity(80, 80).row(3), one, nan * one), Status::non_finite);
+  EXPECT_EQ(tpik.report().failed_level(), 80);
+}
+
+// A user's policy needs `inverse` and `threshold`, no more.
+struct Truncation {
+  double threshold = 1e-6;
+  double inverse(double sigma) const noexcept { return sigma < threshold ? 0 : 1 / sigma; }
+};
+static_assert(icat::RegularizationPolicy<Truncation, double>);
+static_assert(icat::RegularizationPolicy<icat::BellRegularization<float>, float>);
+static_assert(!icat::RegularizationPolicy<int, double>);
+
+TEST(Tpik, TakesAUsersPolicy) {
+  icat::Tpik<double, 3, Truncation> tpik;
+  const Eigen::RowVector3d row(2, 0, 0);
+  using One = Eigen::Matrix<double, 1, 1>;
+  ASSERT_EQ(tpik.add_level(row, One(1.0), One(1.0)), Status::ok);
+  ASSERT_EQ(tpik.add_level(row, One(1.0), One(-1.0)), Status::ok);
+  ASSERT_EQ(tpik.minimize_velocity(), Status::ok);
+  EXPECT_LT((tpik.velocity() - Eigen::Vector3d(0.5, 0, 0)).norm(), 1e-15);
+}
+
+TEST(Regularization, BellsMeetThePlainInverseAtTheThreshold) {
+  const auto check = [](const auto& policy, auto value_at_zero) {
+    using S = decltype(value_at_zero);
+    const S t = policy.threshold;
+    EXPECT_EQ(policy.inverse(t), S(1) / t);
+    EXPECT_EQ(policy.inverse(2 * t), S(1) / (2 * t));
+    EXPECT_EQ(policy.inverse(S(0)), value_at_zero);
+    const S below = std::nextafter(t, S(0));
+    EXPECT_NEAR(policy.inverse(below) * t, 1, 10 * std::numeric_limits<S>::epsilon());
+  };
+  check(icat::BellRegularization<double>{}, 1e4);
+  check(icat::BellRegularization<float>{}, 1 / 1e-4f);
+  check(icat::DampedBellRegularization<double>{}, 0.0);
+  check(icat::DampedBellRegularization<float>{}, 0.0f);
+  // Half-way up the bell, h = λ/2.
+  EXPECT_NEAR(icat::BellRegularization<double>{}.inverse(5e-3), 1 / (5e-3 + 5e-5), 1e-9);
+}
+
+}  // namespace
