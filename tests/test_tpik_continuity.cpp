@@ -75,7 +75,7 @@ Sweep sweep(RandomHierarchy& h, double& activation) {
   Sweep s;
   double at = 0, unused = 0;
   s.icat = walk(0, 1, steps, ours, at);
-  s.icat_tenth = walk(at - step, at, 10, ours, unused);
+  s.icat_tenth = walk(std::max(0.0, at - step), at, 10, ours, unused);
   s.classical = walk(0, step, 1, theirs, unused);
   s.classical_tenth = walk(0, step, 10, theirs, unused);
   return s;

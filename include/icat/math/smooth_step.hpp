@@ -17,7 +17,7 @@ constexpr Scalar smooth_step(Scalar u) noexcept {
   if (u >= Scalar(1)) return Scalar(1);
   // Rounding could pass 1 by an ulp just below u = 1, and an activation above 1 is refused.
   const Scalar s = u * u * u * (Scalar(10) + u * (Scalar(6) * u - Scalar(15)));
-  return s < Scalar(1) ? s : Scalar(1);
+  return s > Scalar(1) ? Scalar(1) : s;
 }
 
 /// Derivative of `smooth_step`; 0 outside [0, 1].

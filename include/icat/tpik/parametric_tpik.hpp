@@ -70,9 +70,10 @@ class ParametricTpik {
       for (Index i = 0; i < level.rows; ++i) {
         if (activation(i) == Scalar(0)) continue;
         const auto arm = jacobian.row(i).head(l);
-        residual_.noalias() = -arm * law_;
-        residual_(0) += reference(i);
-        residual_.template tail<Parameters>() -= jacobian.row(i).template tail<Parameters>();
+        for (Index c = 0; c < columns; ++c) {
+          const Scalar given = c == 0 ? reference(i) : -jacobian(i, l + c - 1);
+          residual_(c) = given - arm.dot(law_.col(c).transpose());
+        }
         iteration_.row(arm, activation(i), residual_);
       }
       if (!iteration_.solve()) {

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// The electric 7-DoF arm of the MARIS project, and where it sits under the vehicle.
+#pragma once
+
+#include "icat/model/serial_chain.hpp"
+
+namespace icat {
+
+/// Seven revolute joints with their limits. At q = 0 the arm is stretched along z of ⟨b⟩ and all
+/// frames are parallel to ⟨b⟩.
+template <class Scalar>
+SerialChain<Scalar, 7> maris_arm() {
+  const Vector3<Scalar> y = Vector3<Scalar>::UnitY();
+  const Vector3<Scalar> z = Vector3<Scalar>::UnitZ();
+  const auto at = [](double px, double pz) {
+    return Vector3<Scalar>(static_cast<Scalar>(px), Scalar(0), static_cast<Scalar>(pz));
+  };
+  const auto joint = [](const Vector3<Scalar>& axis, const Vector3<Scalar>& point, double lower,
+                        double upper) {
+    return Joint<Scalar>{JointType::revolute, axis, point, static_cast<Scalar>(lower),
+                         static_cast<Scalar>(upper)};
+  };
+  Pose<Scalar> end_effector = Pose<Scalar>::Identity();
+  end_effector.translation() = at(-0.1455, 1.2665);
+  return {{joint(z, at(0, 0), -2.9, 2.9),              //
+           joint(y, at(0, 0.283), -1.6, 1.65),         //
+           joint(z, at(0, 0.283), -2.9, 2.9),          //
+           joint(y, at(-0.1455, 0.7145), -2.95, 0.01), //
+           joint(z, at(-0.1455, 0.7145), -2.9, 2.9),   //
+           joint(y, at(-0.1455, 1.1345), -1.65, 1.25), //
+           joint(z, at(-0.1455, 1.1345), -2.8, 2.8)},
+          end_effector};
+}
+
+/// Index of the joint whose point is the elbow.
+inline constexpr Index maris_elbow_joint = 3;
+
+/// ⟨b⟩ in ⟨v⟩, of which z points down: under the hull, turned by π about z. (Published with z up
+/// as (0.167, 0, −0.43) m, turned by π about x and z.)
+template <class Scalar>
+Pose<Scalar> maris_arm_mount() {
+  Pose<Scalar> v_b = Pose<Scalar>::Identity();
+  v_b.linear() = Vector3<Scalar>(Scalar(-1), Scalar(-1), Scalar(1)).asDiagonal();
+  v_b.translation() << static_cast<Scalar>(0.167), Scalar(0), static_cast<Scalar>(0.43);
+  return v_b;
+}
+
+}  // namespace icat

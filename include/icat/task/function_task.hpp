@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// A task of one's own from a lambda.
+#pragma once
+
+#include <functional>
+#include <limits>
+
+#include "icat/task/task.hpp"
+
+namespace icat::task {
+
+/// One or more scalars x(c) with their Jacobian, and one objective for all of them.
+template <Robot R>
+class FunctionTask : public Task<R> {
+ public:
+  using Scalar = typename R::Scalar;
+  using typename Task<R>::Jacobian;
+  using typename Task<R>::Rows;
+  /// Fills x (rows) and J (rows × dof; zero at the first call, then as it was left). Called in the
+  /// control step: must not throw, should not allocate.
+  using Function = std::function<void(const R& robot, Rows& x, Jacobian& J)>;
+  struct Options {
+    std::string name;
+    Index rows{1};
+    Function evaluate;
+    Objective<Scalar> objective;
+    Scalar gain{1};
+    Scalar max_rate{std::numeric_limits<Scalar>::infinity()};  ///< of each row
+  };
+
+  FunctionTask(const R& robot, Options options)
+      : Task<R>(options.name, options.rows, robot.dof()),
+        options_(options),
+        x_(Rows::Zero(options.rows)) {
+    this->require_gain(options.gain);
+    this->require_rate("max_rate", options.max_rate);
+    if (!options.evaluate) detail::invalid("task '", options.name, "': evaluate is empty");
+  }
+
+ private:
+  void compute(const R& robot) noexcept override {
+    options_.evaluate(robot, x_, this->jacobian_);
+    for (Index i = 0; i < this->rows(); ++i) {
+      this->set_scalar(i, x_(i), options_.objective, options_.gain, options_.max_rate);
+    }
+  }
+
+  Options options_;
+  Rows x_;
+};
+
+}  // namespace icat::task

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// Tasks of the arm alone: joint limits, manipulability, preferred shape, arm motion minimality.
+#pragma once
+
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "icat/task/task.hpp"
+
+namespace icat::task {
+
+/// q_m ≤ q ≤ q_M for every joint [Coop, Eq. (10)], in the component form with the two activations
+/// summed [Coop, III-C]. The limits are the arm's; a joint without limits is never active.
+template <VehicleManipulator R>
+class JointLimits : public Task<R> {
+ public:
+  using Scalar = typename R::Scalar;
+  struct Options {
+    std::string name{"joint limits"};
+    Scalar margin{static_cast<Scalar>(0.1)};  ///< β, rad or m
+    Scalar gain{1};                           ///< γ, 1/s
+    Scalar max_rate{std::numeric_limits<Scalar>::infinity()};  ///< rad/s, m/s
+  };
+
+  explicit JointLimits(const R& robot) : JointLimits(robot, Options{}) {}
+  JointLimits(const R& robot, Options options)
+      : Task<R>(options.name, robot.arm_dof(), robot.dof()), options_(options) {
+    this->require_gain(options.gain);
+    this->require_rate("max_rate", options.max_rate);
+    for (Index i = 0; i < robot.arm_dof(); ++i) {
+      this->jacobian_(i, i) = Scalar(1);
+      objectives_.push_back(Objective<Scalar>::between(
+          robot.arm().lower_limits()(i), robot.arm().upper_limits()(i), options.margin));
+    }
+  }
+
+ private:
+  void compute(const R& robot) noexcept override {
+    for (Index i = 0; i < this->rows(); ++i) {
+      this->set_scalar(i, robot.q()(i), objectives_[static_cast<std::size_t>(i)], options_.gain,
+                       options_.max_rate);
+    }
+  }
+
+  Options options_;
+  std::vector<Objective<Scalar>> objectives_;
+};
+
+/// μ ≥ μ_m [Coop, Eq. (11)], [MARIS, Eq. (14)–(18)].
+template <VehicleManipulator R>
+class Manipulability : public Task<R> {
+ public:
+  using Scalar = typename R::Scalar;
+  struct Options {
+    std::string name{"manipulability"};
+    Scalar minimum;  ///< μ_m, in the unit of μ (m³ for a revolute arm of six joints or more)
+    Scalar margin;   ///< Δ of [MARIS, Eq. (16)]
+    Scalar gain{1};
+    Scalar max_rate{std::numeric_limits<Scalar>::infinity()};
+  };
+
+  Manipulability(const R& robot, Options options)
+      : Task<R>(options.name, 1, robot.dof()),
+        options_(options),
+        objective_(Objective<Scalar>::at_least(options.minimum, options.margin)) {
+    this->require_gain(options.gain);
+    this->require_rate("max_rate", options.max_rate);
+  }
+
+ private:
+  void compute(const R& robot) noexcept override {
+    const auto mu = robot.manipulability();
+    this->jacobian_.row(0).head(robot.arm_dof()) = mu.gradient;
+    this->set_scalar(0, mu.value, objective_, options_.gain, options_.max_rate);
+  }
+
+  Options options_;
+  Objective<Scalar> objective_;
+};
+
+/// The arm near a preferred shape q* [Coop, II-D2], [MARIS, III-B7]: component by component to zero,
+/// or an objective on ‖q − q*‖ where `norm` is given (Coop, Remark 1).
+template <VehicleManipulator R>
+class PreferredShape : public Task<R> {
+ public:
+  using Scalar = typename R::Scalar;
+  using VectorQ = typename R::VectorQ;
+  struct Options {
+    std::string name{"preferred shape"};
+    VectorQ shape;  ///< q*, rad or m
+    std::optional<Objective<Scalar>> norm{};
+    Scalar gain{1};
+    Scalar max_rate{std::numeric_limits<Scalar>::infinity()};  ///< of ‖q̇‖
+  };
+
+  PreferredShape(const R& robot, Options options)
+      : Task<R>(options.name, options.norm ? 1 : robot.arm_dof(), robot.dof()), options_(options) {
+    this->require_gain(options.gain);
+    this->require_rate("max_rate", options.max_rate);
+    if (!options.shape.allFinite()) {
+      detail::invalid("task '", options.name, "': the shape is not finite");
+    }
+    if (!options.norm) this->jacobian_.leftCols(robot.arm_dof()).setIdentity();
+  }
+
+ private:
+  void compute(const R& robot) noexcept override {
+    const VectorQ error = options_.shape - robot.q();
+    if (!options_.norm) {
+      this->set_error(0, error, options_.gain, options_.max_rate);
+      return;
+    }
+    const Scalar distance = error.norm();
+    auto J = this->jacobian_.row(0).head(robot.arm_dof());
+    J.setZero();  // The mean of both sides of the kink at distance 0.
+    if (distance > Scalar(0)) J = -error.transpose() / distance;
+    this->set_scalar(0, distance, *options_.norm, options_.gain, options_.max_rate);
+  }
+
+  Options options_;
+};
+
+/// q̇ = 0 [Coop, III-D]: leaves the work to the vehicle. Goes to the bottom of the hierarchy.
+template <VehicleManipulator R>
+class ArmMotionMinimality : public Task<R> {
+ public:
+  explicit ArmMotionMinimality(const R& robot, std::string name = "arm motion minimality")
+      : Task<R>(std::move(name), robot.arm_dof(), robot.dof()) {
+    this->jacobian_.leftCols(robot.arm_dof()).setIdentity();
+  }
+
+ private:
+  void compute(const R&) noexcept override {}
+};
+
+}  // namespace icat::task

@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// A frame of the robot to a goal frame: tool pose, its position or orientation alone, vehicle pose.
+///
+///     r = p_goal − p,   ϑ the rotation vector from the frame to its goal, components on ⟨0⟩
+///
+/// Component form [Coop, Eq. (15)]: ẋ is the frame's velocity, ẋ̄ = γ [r; ϑ], a straight line and one
+/// fixed axis. Norm form [Coop, Eq. (14), Remark 1]: x₁ = ‖r‖, x₂ = ‖ϑ‖, one row each. ϑ fades out
+/// before it would flip at π, see rigid_motion.hpp.
+#pragma once
+
+#include <limits>
+#include <optional>
+
+#include "icat/math/rigid_motion.hpp"
+#include "icat/model/uvms.hpp"
+#include "icat/task/task.hpp"
+
+namespace icat::task {
+
+/// Objectives of the norm form, such as `{at_most(0.2, 0.1), at_most(0.1, 0.05)}` (m, rad).
+template <class Scalar>
+struct PoseNorms {
+  Objective<Scalar> position{Objective<Scalar>::equal_to(Scalar(0))};
+  Objective<Scalar> orientation{Objective<Scalar>::equal_to(Scalar(0))};
+};
+
+template <class Scalar>
+struct PoseTaskOptions {
+  std::string name{};                              ///< empty: the task's own
+  Pose<Scalar> goal{Pose<Scalar>::Identity()};     ///< of the frame, in ⟨0⟩
+  std::optional<PoseNorms<Scalar>> norms{};        ///< given: the norm form
+  Scalar gain{1};                                  ///< γ, 1/s
+  Scalar max_linear_rate{std::numeric_limits<Scalar>::infinity()};   ///< m/s
+  Scalar max_angular_rate{std::numeric_limits<Scalar>::infinity()};  ///< rad/s
+};
+
+/// What the pose tasks share. `Linear`, `Angular`: which parts of the pose are controlled.
+template <VehicleManipulator R, bool Linear, bool Angular>
+class PoseTask : public Task<R> {
+ public:
+  using Scalar = typename R::Scalar;
+  using Options = PoseTaskOptions<Scalar>;
+
+  /// A goal that is not finite makes the level be refused until there is a good one.
+  void set_goal(const Pose<Scalar>& goal) noexcept { options_.goal = goal; }
+  const Pose<Scalar>& goal() const noexcept { return options_.goal; }
+
+ protected:
+  PoseTask(const R& robot, const Options& options, const char* name)
+      : Task<R>(options.name.empty() ? name : options.name,
+                (Linear + Angular) * (options.norms ? 1 : 3), robot.dof()),
+        options_(options) {
+    this->require_gain(options.gain);
+    this->require_rate("max_linear_rate", options.max_linear_rate);
+    this->require_rate("max_angular_rate", options.max_angular_rate);
+  }
+
+  /// `frame` in ⟨0⟩ and its Jacobian, 6 × dof, components on ⟨0⟩.
+  template <class J>
+  void set_rows(const Pose<Scalar>& frame, const J& jacobian) noexcept {
+    Index row = 0;
+    if constexpr (Linear) {
+      const Vector3<Scalar> r = options_.goal.translation() - frame.translation();
+      set_part(row, r, jacobian.template topRows<3>(), options_.max_linear_rate,
+               options_.norms ? &options_.norms->position : nullptr, Scalar(1));
+    }
+    if constexpr (Angular) {
+      const Vector3<Scalar> phi =
+          rotation_log<Scalar>(options_.goal.linear() * frame.linear().transpose());
+      const Scalar fade = half_turn_weight(phi.norm());
+      set_part(row, phi, jacobian.template bottomRows<3>(), options_.max_angular_rate,
+               options_.norms ? &options_.norms->orientation : nullptr, fade);
+    }
+  }
+
+ private:
+  template <class J>
+  void set_part(Index& row, const Vector3<Scalar>& error, const J& jacobian, Scalar max_rate,
+                const Objective<Scalar>* objective, Scalar fade) noexcept {
+    if (!objective) {
+      this->jacobian_.template middleRows<3>(row) = jacobian;
+      this->set_error(row, error, options_.gain, max_rate);
+      this->reference_.template segment<3>(row) *= fade;
+      row += 3;
+      return;
+    }
+    const Scalar distance = error.norm();
+    auto J_row = this->jacobian_.row(row);
+    J_row.setZero();  // The mean of both sides of the kink at distance 0, and of that at π.
+    if (distance > Scalar(0) && fade > Scalar(0)) {
+      J_row = (-error / distance).transpose().lazyProduct(jacobian);
+    }
+    this->set_scalar(row, distance, *objective, options_.gain, max_rate);
+    this->activation_(row) *= fade;
+    ++row;
+  }
+
+  Options options_;
+};
+
+/// Tool frame to its goal [Coop, Eq. (15)].
+template <VehicleManipulator R>
+class ToolPose : public PoseTask<R, true, true> {
+ public:
+  ToolPose(const R& robot, const PoseTaskOptions<typename R::Scalar>& options)
+      : PoseTask<R, true, true>(robot, options, "tool pose") {}
+
+ private:
+  void compute(const R& robot) noexcept override {
+    this->set_rows(robot.tool(), robot.tool_jacobian(Frame::world));
+  }
+};
+
+/// End-effector linear position control [MARIS, III-B7]; the goal's orientation does not matter.
+template <VehicleManipulator R>
+class ToolPosition : public PoseTask<R, true, false> {
+ public:
+  ToolPosition(const R& robot, const PoseTaskOptions<typename R::Scalar>& options)
+      : PoseTask<R, true, false>(robot, options, "tool position") {}
+
+ private:
+  void compute(const R& robot) noexcept override {
+    this->set_rows(robot.tool(), robot.tool_jacobian(Frame::world));
+  }
+};
+
+/// End-effector angular position control [MARIS, III-B7]; the goal's position does not matter.
+template <VehicleManipulator R>
+class ToolOrientation : public PoseTask<R, false, true> {
+ public:
+  ToolOrientation(const R& robot, const PoseTaskOptions<typename R::Scalar>& options)
+      : PoseTask<R, false, true>(robot, options, "tool orientation") {}
+
+ private:
+  void compute(const R& robot) noexcept override {
+    this->set_rows(robot.tool(), robot.tool_jacobian(Frame::world));
+  }
+};
+
+/// Vehicle frame to its goal [Coop, Eq. (14)].
+template <VehicleManipulator R>
+class VehiclePose : public PoseTask<R, true, true> {
+ public:
+  VehiclePose(const R& robot, const PoseTaskOptions<typename R::Scalar>& options)
+      : PoseTask<R, true, true>(robot, options, "vehicle pose"),
+        jacobian_world_(6, robot.dof()) {
+    jacobian_world_.setZero();
+  }
+
+ private:
+  void compute(const R& robot) noexcept override {
+    const auto rotation = robot.vehicle().linear();
+    auto Jv = jacobian_world_.template rightCols<6>();
+    Jv.template topLeftCorner<3, 3>() = rotation;
+    Jv.template bottomRightCorner<3, 3>() = rotation;
+    this->set_rows(robot.vehicle(), jacobian_world_);
+  }
+
+  Eigen::Matrix<typename R::Scalar, 6, R::size> jacobian_world_;
+};
+
+}  // namespace icat::task
