@@ -14,6 +14,7 @@ enum class [[nodiscard]] Status {
   activation_out_of_range,  ///< an activation outside [0, 1]
   numerical_failure,        ///< finite input, but its products overflow the scalar type
   time_reversed,            ///< the caller's time is before the previous one
+  invalid_duration,         ///< a transition must take a finite time > 0
   not_started,              ///< no action has been started yet
   unknown_action,           ///< no action of that name or index
 };
@@ -27,6 +28,7 @@ constexpr const char* describe(Status status) noexcept {
     case Status::activation_out_of_range: return "activation outside [0, 1]";
     case Status::numerical_failure: return "overflow in the solver";
     case Status::time_reversed: return "time runs backwards";
+    case Status::invalid_duration: return "the duration of a transition must be finite and > 0";
     case Status::not_started: return "no action has been started";
     case Status::unknown_action: return "unknown action";
   }

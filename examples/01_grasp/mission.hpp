@@ -1,0 +1,310 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The reference mission: a vehicle with the MARIS arm comes from a few metres away, grasps a pipe on
+// the seabed and lifts it 0.5 m. Tasks and their order are those of [Coop, III-E], phases those of
+// [Coop, Table I] for one vehicle.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <icat/icat.hpp>
+#include <numbers>
+#include <string>
+#include <vector>
+
+namespace grasp {
+
+using Robot = icat::Uvms<double, 7>;
+using Pose = icat::Pose<double>;
+using Vector3 = icat::Vector3<double>;
+using Vector6 = icat::Vector6<double>;
+using Objective = icat::Objective<double>;
+
+struct Variant {
+  bool underactuated = false;       ///< roll and pitch are not actuated
+  bool current = false;             ///< a sinusoidal current along x of the world
+  bool compensation = false;        ///< two parallel TPIKs: the arm makes up for the vehicle
+};
+
+// --- the scene, NED: z points down ---------------------------------------------------------------
+
+inline Pose pose(const Vector3& position, double roll, double pitch, double yaw) {
+  Pose p = Pose::Identity();
+  p.translation() = position;
+  p.linear() = (Eigen::AngleAxisd(yaw, Vector3::UnitZ()) * Eigen::AngleAxisd(pitch, Vector3::UnitY()) *
+                Eigen::AngleAxisd(roll, Vector3::UnitX()))
+                   .toRotationMatrix();
+  return p;
+}
+
+inline constexpr double heading = 0.6;                      ///< of the vehicle at the pipe, rad
+inline const Vector3 pipe_centre{0.5, 0.5, 3.0};            ///< [Coop, V]
+inline const Vector3 companion{-1.3, -0.3, 1.4};            ///< another vehicle, hovering on the way
+inline const double companion_distance = 1.0;               ///< to be kept from it, m
+inline const double lift_height = 0.5;
+
+/// The pipe lies across the heading. The gripper approaches from above, its y axis along the pipe.
+inline Pose grasp_goal() {
+  Pose goal = pose(pipe_centre, 0, 0, heading);
+  goal.linear() = goal.linear() * Vector3(-1, -1, 1).asDiagonal();
+  return goal;
+}
+inline Pose lift_goal() {
+  Pose goal = grasp_goal();
+  goal.translation().z() -= lift_height;
+  return goal;
+}
+/// Hovering above the pipe and behind it, the arm in its initial shape some 0.4 m short of it.
+inline Pose hover_goal() {
+  Pose goal = pose(Vector3::Zero(), 0, 0, heading);
+  goal.translation() = pipe_centre - goal.linear() * Vector3(0.65, 0.1, 1.6);
+  return goal;
+}
+
+inline Robot make_robot() {
+  Pose camera = pose({0.45, 0, 0.35}, 0, 0, 0);  // looks down
+  Pose gripper = Pose::Identity();
+  gripper.translation().z() = 0.1;
+  return Robot({.arm = icat::maris_arm<double>(),
+                .arm_mount = icat::maris_arm_mount<double>(),
+                .camera = camera,
+                .tool = gripper});
+}
+
+// --- what is recorded -----------------------------------------------------------------------------
+
+struct Sample {
+  double t;
+  std::string action;
+  Eigen::Matrix<double, 13, 1> command;  ///< [q̇; v̄]
+  Vector6 vehicle_velocity;              ///< as it was
+  icat::Vector<double, 7> q;
+  Pose vehicle, tool;
+  double position_error, orientation_error;  ///< of the tool, to the goal of the phase
+  double joint_margin;                       ///< to the closest limit, rad
+  double manipulability, centering, attitude, distance, vehicle_position, vehicle_orientation;
+  std::vector<double> activations;           ///< the largest of each task's rows
+  Eigen::Matrix<double, 3, 9> arm;           ///< its points in the world, from mount to tool
+};
+
+struct Result {
+  std::vector<Sample> samples;
+  std::vector<std::string> tasks;             ///< names of the columns of `activations`
+  std::vector<std::pair<std::string, double>> phases;  ///< action and the time it began
+  bool grasped = false, lifted = false;       ///< within tolerance when the phase ended
+  double grasp_position_error = 0, grasp_orientation_error = 0;  ///< m, rad, when it closed
+  double lift_position_error = 0, lift_orientation_error = 0;
+  double largest_step = 0;                    ///< max ‖Δẏ‖ between two cycles, from standstill on
+  double steady_error = 0;                    ///< max tool position error, last 10 s of the grasp
+  std::vector<std::string> violations;        ///< inequality objectives left after being entered
+  icat::Status status = icat::Status::ok;     ///< of the last cycle
+};
+
+// Thresholds of the inequality objectives.
+inline constexpr double minimum_manipulability = 0.08;
+inline constexpr double maximum_centering = 0.2;
+inline constexpr double maximum_attitude = 0.2;
+inline constexpr double hover_position = 0.12, hover_orientation = 0.1;
+
+inline constexpr double fade = 2.0;  ///< s, duration of the transitions, "a couple of seconds"
+
+/// A current of up to 0.05 m/s, period 10 s, along x of the world.
+inline Vector3 sinusoidal_current(double t) {
+  return {0.05 * std::sin(2 * std::numbers::pi * t / 10), 0, 0};
+}
+
+inline Result run(const Variant& variant, double dt = 0.01) {
+  Robot robot = make_robot();
+
+  //! [tasks]
+  icat::task::JointLimits joint_limits(robot, {.margin = 0.15, .gain = 0.5});
+  icat::task::VehicleDistance vehicle_distance(
+      robot, {.other = companion, .minimum = companion_distance, .margin = 0.3, .gain = 0.5});
+  icat::task::Manipulability manipulability(
+      robot, {.minimum = minimum_manipulability, .margin = 0.01, .gain = 1.0});
+  icat::task::CameraCentering centering(
+      robot, {.target = pipe_centre, .norm = Objective::at_most(maximum_centering, 0.1), .gain = 0.5});
+  icat::task::HorizontalAttitude attitude(
+      robot, {.norm = Objective::at_most(maximum_attitude, 0.1), .gain = 0.5});
+  icat::task::VehiclePose vehicle_pose(
+      robot, {.goal = hover_goal(),
+              .norms = {{.position = Objective::at_most(hover_position, 0.1).toward(0),
+                         .orientation = Objective::at_most(hover_orientation, 0.08).toward(0)}},
+              .gain = 0.6,
+              .max_linear_rate = 0.4,
+              .max_angular_rate = 0.3});
+  const auto to = [](const char* name, const Pose& goal) {
+    return icat::task::PoseTaskOptions<double>{.name = name,
+                                               .goal = goal,
+                                               .gain = 0.8,
+                                               .max_linear_rate = 0.15,
+                                               .max_angular_rate = 0.3};
+  };
+  icat::task::ToolPose tool_grasp(robot, to("tool to grasp", grasp_goal()));
+  icat::task::ToolPose tool_lift(robot, to("tool to lift", lift_goal()));
+  icat::task::ArmMotionMinimality still_arm(robot, "still arm");
+  icat::task::VehicleMotionMinimality still_vehicle(robot, "still vehicle");
+  //! [tasks]
+
+  //! [actions]
+  std::vector<icat::Action<Robot>> actions{
+      {"navigate",
+       {{joint_limits}, {vehicle_distance}, {manipulability}, {attitude}, {vehicle_pose}, {still_arm}}},
+      {"grasp",
+       {{joint_limits}, {vehicle_distance}, {manipulability}, {centering}, {attitude}, {tool_grasp},
+        {still_vehicle}}},
+      {"lift",
+       {{joint_limits}, {vehicle_distance}, {manipulability}, {attitude}, {tool_lift}, {still_arm}}}};
+  //! [actions]
+  if (variant.underactuated) {
+    // Roll and pitch are passively stable; their objective is for vehicles that control them
+    // [Coop, II-D5].
+    for (auto& action : actions) {
+      std::erase_if(action.levels, [&](const auto& level) { return &level[0].get() == &attitude; });
+    }
+  }
+
+  const std::array<bool, 6> actuated{true, true, true, !variant.underactuated,
+                                     !variant.underactuated, true};
+  //! [controller]
+  icat::Vector<double, 13> limit;
+  limit << icat::Vector<double, 7>::Constant(0.5), Vector3::Constant(0.5), Vector3::Constant(0.4);
+  icat::Controller controller(
+      robot, actions,
+      {.scheme = variant.compensation ? icat::Scheme::parallel : icat::Scheme::whole_body,
+       .actuated = actuated,
+       .solver = {.bounds = icat::VelocityBounds<double, 13>{-limit, limit}}});
+  //! [controller]
+
+  icat::KinematicPlant<double, 7>::Options plant_options;
+  plant_options.q << 0, 0.7, 0, -1.8, 0, 1.1, 0;
+  plant_options.vehicle = variant.underactuated ? pose({-3, -1.2, 0.6}, 0.03, 0.02, -0.7)
+                                                : pose({-3, -1.2, 0.6}, 0.25, -0.2, -0.7);
+  plant_options.actuated = actuated;
+  if (variant.current) plant_options.current = sinusoidal_current;
+  icat::KinematicPlant<double, 7> plant(plant_options);
+
+  Result result;
+  std::vector<icat::Task<Robot>*> watched;
+  for (const auto& level : controller.hierarchy()) {
+    for (const auto& entry : level) {
+      result.tasks.push_back(entry.task->name());
+      watched.push_back(entry.task);
+    }
+  }
+
+  // Objectives that must hold once they do, and in which actions they are active.
+  struct Watch {
+    const char* name;
+    std::string_view only_in;  // empty: always
+    double (*excess)(const Sample&);
+    bool entered = false, left = false;
+  };
+  std::vector<Watch> watches{
+      {"joint limits", "", [](const Sample& s) { return -s.joint_margin; }},
+      {"vehicle distance", "", [](const Sample& s) { return companion_distance - s.distance; }},
+      {"manipulability", "", [](const Sample& s) { return minimum_manipulability - s.manipulability; }},
+      {"camera centering", "grasp", [](const Sample& s) { return s.centering - maximum_centering; }},
+      {"horizontal attitude", "", [](const Sample& s) { return s.attitude - maximum_attitude; }},
+      {"vehicle position", "navigate",
+       [](const Sample& s) { return s.vehicle_position - hover_position; }},
+      {"vehicle orientation", "navigate",
+       [](const Sample& s) { return s.vehicle_orientation - hover_orientation; }}};
+
+  const auto measure = [&](double t) {
+    Sample s;
+    s.t = t;
+    s.action = controller.action();
+    s.command = controller.velocity();
+    s.vehicle_velocity = plant.vehicle_velocity();
+    s.q = robot.q();
+    s.vehicle = robot.vehicle();
+    s.tool = robot.tool();
+    const Pose goal = s.action == "lift" ? lift_goal() : grasp_goal();
+    s.position_error = (goal.translation() - s.tool.translation()).norm();
+    s.orientation_error = icat::rotation_log<double>(goal.linear() * s.tool.linear().transpose()).norm();
+    s.joint_margin = std::min((robot.q() - robot.arm().lower_limits()).minCoeff(),
+                              (robot.arm().upper_limits() - robot.q()).minCoeff());
+    s.manipulability = robot.manipulability().value;
+    const Vector3 view = robot.camera().inverse() * pipe_centre;
+    s.centering = std::acos(std::clamp(view.z() / view.norm(), -1.0, 1.0));
+    s.attitude = std::acos(std::clamp(s.vehicle.linear()(2, 2), -1.0, 1.0));
+    s.distance = (companion - s.vehicle.translation()).norm();
+    s.vehicle_position = (hover_goal().translation() - s.vehicle.translation()).norm();
+    s.vehicle_orientation =
+        icat::rotation_log<double>(hover_goal().linear() * s.vehicle.linear().transpose()).norm();
+    for (std::size_t i = 0; i < watched.size(); ++i) {
+      s.activations.push_back(controller.phase_activations()[i] * watched[i]->activation().maxCoeff());
+    }
+    const Pose base = s.vehicle * robot.description().arm_mount;
+    for (int j = 0; j < 7; ++j) {
+      s.arm.col(j) = base * Vector3(robot.arm_state().points.col(j));
+    }
+    s.arm.col(7) = base * robot.arm_state().end_effector.translation();
+    s.arm.col(8) = s.tool.translation();
+    return s;
+  };
+
+  // The supervisor: a phase ends when its goal is reached, or after a while.
+  const auto enter = [&](const char* action, double t) {
+    result.phases.emplace_back(action, t);
+    return controller.switch_to(action, t, fade);
+  };
+  constexpr double time_limit = 40;
+  constexpr double position_tolerance = 5e-4, orientation_tolerance = 5e-4;  // m, rad
+  icat::Status status = enter("navigate", 0);
+  Eigen::Matrix<double, 13, 1> last = Eigen::Matrix<double, 13, 1>::Zero();
+  //! [loop]
+  for (int cycle = 0; status == icat::Status::ok; ++cycle) {
+    const double t = cycle * dt;
+    status = robot.update(plant.q(), plant.vehicle());
+    if (status != icat::Status::ok) break;
+    status = controller.step(t, plant.vehicle_velocity());
+    plant.step(controller.joint_velocity(), controller.vehicle_velocity(), t, dt);
+    //! [loop]
+    const Sample s = measure(t);
+    result.largest_step = std::max(result.largest_step, (s.command - last).norm());
+    last = s.command;
+    for (Watch& w : watches) {
+      if (variant.underactuated && std::string_view(w.name) == "horizontal attitude") continue;
+      if (!w.only_in.empty() && (w.only_in != s.action || controller.in_transition())) continue;
+      const bool inside = w.excess(s) <= 0;
+      if (w.entered && !inside) w.left = true;
+      w.entered = w.entered || inside;
+    }
+    result.samples.push_back(s);
+
+    const double in_phase = t - result.phases.back().second;
+    const bool at_goal = s.position_error < position_tolerance &&
+                         s.orientation_error < orientation_tolerance &&
+                         !controller.in_transition();
+    if (s.action == "navigate" && ((s.vehicle_position < hover_position &&
+                                    s.vehicle_orientation < hover_orientation) ||
+                                   in_phase > time_limit)) {
+      status = enter("grasp", t);
+    } else if (s.action == "grasp") {
+      // In a current the error never settles; then the last 10 s of the time limit are judged.
+      if (variant.current && in_phase > time_limit - 10) {
+        result.steady_error = std::max(result.steady_error, s.position_error);
+      }
+      if (variant.current ? in_phase > time_limit : at_goal || in_phase > time_limit) {
+        result.grasped = at_goal;
+        result.grasp_position_error = s.position_error;
+        result.grasp_orientation_error = s.orientation_error;
+        status = enter("lift", t);
+      }
+    } else if (s.action == "lift" && (at_goal || in_phase > time_limit)) {
+      result.lifted = at_goal;
+      result.lift_position_error = s.position_error;
+      result.lift_orientation_error = s.orientation_error;
+      break;
+    }
+  }
+  result.status = status;
+  for (const Watch& w : watches) {
+    if (w.left || !w.entered) result.violations.push_back(w.name);
+  }
+  if (variant.underactuated) std::erase(result.violations, "horizontal attitude");
+  return result;
+}
+
+}  // namespace grasp

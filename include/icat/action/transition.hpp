@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// Phase activations aᵖ of [Coop, Eq. (17)] and how they move from one action to the next.
+///
+///     aᵖ(t) = a_start + (a_target − a_start) s((t − t₀) / T)
+///
+/// `a_start` is the value at the time of the switch, whatever it is, so a switch may be reversed or
+/// redirected half-way without a jump. Time is the caller's.
+#pragma once
+
+#include <cmath>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "icat/core/status.hpp"
+#include "icat/math/smooth_step.hpp"
+
+namespace icat {
+
+template <class Scalar>
+class Transition {
+ public:
+  /// `count` activations, all 0. Allocates; nothing else here does.
+  explicit Transition(std::size_t count) : start_(count), target_(count), value_(count) {}
+
+  std::size_t count() const noexcept { return value_.size(); }
+
+  /// All values at once, for the start of a mission: there is nothing to be continuous with.
+  void set(std::span<const Scalar> values, Scalar now) noexcept {
+    for (std::size_t i = 0; i < count(); ++i) start_[i] = target_[i] = value_[i] = values[i];
+    begin_ = now_ = now;
+  }
+
+  /// From the present values to `targets` (in [0, 1]) over `duration` seconds from `now` on.
+  Status start(std::span<const Scalar> targets, Scalar now, Scalar duration) noexcept {
+    if (targets.size() != count()) return Status::wrong_size;
+    if (!(duration > Scalar(0)) || !std::isfinite(duration)) return Status::invalid_duration;
+    if (const Status status = update(now); status != Status::ok) return status;
+    for (std::size_t i = 0; i < count(); ++i) {
+      start_[i] = value_[i];
+      target_[i] = targets[i];
+    }
+    begin_ = now;
+    duration_ = duration;
+    return Status::ok;
+  }
+
+  /// Values at time `now`, which may stand still but not run backwards.
+  Status update(Scalar now) noexcept {
+    if (!std::isfinite(now)) return Status::non_finite;
+    if (now < now_) return Status::time_reversed;
+    now_ = now;
+    const Scalar s = smooth_step((now - begin_) / duration_);
+    for (std::size_t i = 0; i < count(); ++i) {
+      // As a convex combination it stays in [0, 1] and ends on the target exactly.
+      value_[i] = (Scalar(1) - s) * start_[i] + s * target_[i];
+      if (value_[i] > Scalar(1)) value_[i] = Scalar(1);
+    }
+    return Status::ok;
+  }
+
+  std::span<const Scalar> values() const noexcept { return value_; }
+  bool finished() const noexcept { return now_ >= begin_ + duration_; }
+
+ private:
+  std::vector<Scalar> start_, target_, value_;
+  Scalar begin_{0}, duration_{1}, now_{-std::numeric_limits<Scalar>::infinity()};
+};
+
+}  // namespace icat

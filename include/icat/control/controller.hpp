@@ -1,0 +1,251 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// The kinematic layer: runs actions on a robot and yields vehicle and joint velocities.
+///
+/// **Whole body**: one TPIK over ẏ = [q̇; v̄]. What the vehicle cannot actuate enters with its measured
+/// velocity [Coop, Eq. (31)].
+///
+/// **Parallel** [MARIS, III-B9], [Coop, III-G]: TPIK 1 is the whole-body one, of which only v̄ is kept;
+/// TPIK 2 takes all six vehicle velocities as measured, and only its q̇ is kept: the arm makes up for
+/// what the vehicle does not track. Each may run at its own rate.
+#pragma once
+
+#include <array>
+#include <string_view>
+#include <vector>
+
+#include "icat/action/transition.hpp"
+#include "icat/action/unified_hierarchy.hpp"
+#include "icat/tpik/tpik.hpp"
+
+namespace icat {
+
+enum class Scheme { whole_body, parallel };
+
+/// Controls a robot whose state the caller keeps up to date before each step. The robot, the tasks
+/// and this object belong to one thread. After construction nothing allocates or throws.
+template <VehicleManipulator R, class Regularization = BellRegularization<typename R::Scalar>>
+class Controller {
+ public:
+  using Scalar = typename R::Scalar;
+  using Solver = Tpik<Scalar, R::size, Regularization>;
+  using Velocity = typename Solver::VectorN;
+
+  struct Options {
+    Scheme scheme{Scheme::whole_body};
+    /// Which of surge, sway, heave, roll, pitch, yaw the vehicle can command.
+    std::array<bool, 6> actuated{true, true, true, true, true, true};
+    typename Solver::Options solver{};
+  };
+
+  /// Computes the unified hierarchy of `actions`. `robot` and the tasks must outlive this object.
+  /// @throws std::invalid_argument on bad options or actions (see `unified_hierarchy`).
+  Controller(const R& robot, const std::vector<Action<R>>& actions)
+      : Controller(robot, actions, Options{}) {}
+  Controller(const R& robot, const std::vector<Action<R>>& actions, Options options)
+      : robot_(robot),
+        options_(options),
+        hierarchy_(unified_hierarchy(actions)),
+        transition_(count_entries()),
+        targets_(transition_.count()),
+        vehicle_tpik_(make_solver(robot, options)),
+        arm_tpik_(make_solver(robot, options)),
+        velocity_(Velocity::Zero(robot.dof())),
+        rho0_(Velocity::Zero(robot.dof())),
+        vehicle_Q0_(Solver::SquareN::Identity(robot.dof(), robot.dof())),
+        arm_Q0_(Solver::SquareN::Identity(robot.dof(), robot.dof())) {
+    for (const auto& action : actions) names_.push_back(action.name);
+    for (const auto& level : hierarchy_) {
+      Index rows = 0;
+      for (const auto& entry : level) {
+        rows += entry.task->rows();
+        if (std::find(tasks_.begin(), tasks_.end(), entry.task) == tasks_.end()) {
+          tasks_.push_back(entry.task);
+        }
+      }
+      stacks_.push_back({Jacobian::Zero(rows, robot.dof()), Rows::Zero(rows), Rows::Zero(rows)});
+    }
+    arm_Q0_.diagonal().template tail<6>().setZero();
+    for (Index i = 0; i < 6; ++i) {
+      if (!options.actuated[static_cast<std::size_t>(i)]) {
+        vehicle_Q0_(robot.arm_dof() + i, robot.arm_dof() + i) = Scalar(0);
+      }
+    }
+  }
+  Controller(R&&, const std::vector<Action<R>>&) = delete;
+  Controller(R&&, const std::vector<Action<R>>&, Options) = delete;
+
+  /// Enters `action` at once, for a start in the middle of things.
+  Status start(std::string_view action, Scalar time) noexcept {
+    const std::size_t index = find(action);
+    if (index == names_.size()) return Status::unknown_action;
+    if (!std::isfinite(time)) return Status::non_finite;
+    set_targets(index);
+    transition_.set(targets_, time);
+    action_ = index;
+    return Status::ok;
+  }
+
+  /// Moves to `action` over `duration` seconds, from the activations as they are now (all 0 before
+  /// the first action); also in the middle of another transition, also back.
+  Status switch_to(std::string_view action, Scalar time, Scalar duration) noexcept {
+    const std::size_t index = find(action);
+    if (index == names_.size()) return Status::unknown_action;
+    set_targets(index);
+    const Status status = transition_.start(targets_, time, duration);
+    if (status == Status::ok) action_ = index;
+    return status;
+  }
+
+  /// One control cycle by the scheme of the options. `measured` is the vehicle's velocity, components
+  /// on ⟨v⟩. On bad input the iteration ends above the level at fault, whose index is in the report:
+  /// the velocity is finite, inside the bounds, and serves what has a higher priority.
+  Status step(Scalar time,
+              const Vector6<Scalar>& measured = Vector6<Scalar>::Zero()) noexcept {
+    Status status = prepare(time);
+    if (status != Status::ok) return stop(status);
+    status = solve(vehicle_tpik_, vehicle_Q0_, measured);
+    velocity_ = vehicle_tpik_.velocity();
+    if (options_.scheme == Scheme::parallel) {
+      const Status arm = solve(arm_tpik_, arm_Q0_, measured);
+      velocity_.head(robot_.arm_dof()) = arm_tpik_.velocity().head(robot_.arm_dof());
+      if (status == Status::ok) status = arm;
+    }
+    return status;
+  }
+  /// TPIK 1 alone, at the vehicle's rate: a new `vehicle_velocity`.
+  Status step_vehicle(Scalar time, const Vector6<Scalar>& measured) noexcept {
+    Status status = prepare(time);
+    if (status != Status::ok) return stop(status);
+    status = solve(vehicle_tpik_, vehicle_Q0_, measured);
+    velocity_.template tail<6>() = vehicle_tpik_.velocity().template tail<6>();
+    return status;
+  }
+  /// TPIK 2 alone, at the arm's rate: a new `joint_velocity`.
+  Status step_arm(Scalar time, const Vector6<Scalar>& measured) noexcept {
+    Status status = prepare(time);
+    if (status != Status::ok) return stop(status);
+    status = solve(arm_tpik_, arm_Q0_, measured);
+    velocity_.head(robot_.arm_dof()) = arm_tpik_.velocity().head(robot_.arm_dof());
+    return status;
+  }
+
+  /// ẏ = [q̇; v̄]; v̄ with components on ⟨v⟩. Components that are not actuated hold what was measured.
+  const Velocity& velocity() const noexcept { return velocity_; }
+  auto joint_velocity() const noexcept { return velocity_.head(robot_.arm_dof()); }
+  auto vehicle_velocity() const noexcept { return velocity_.template tail<6>(); }
+
+  /// Name of the action that runs or is being entered; empty before `start`.
+  std::string_view action() const noexcept {
+    return action_ == none ? std::string_view{} : std::string_view{names_[action_]};
+  }
+  bool in_transition() const noexcept { return action_ != none && !transition_.finished(); }
+  const UnifiedHierarchy<R>& hierarchy() const noexcept { return hierarchy_; }
+  /// aᵖ of every entry of the hierarchy, level by level.
+  std::span<const Scalar> phase_activations() const noexcept { return transition_.values(); }
+  /// Reports of the two solvers; levels are those of `hierarchy`.
+  const TpikReport<Scalar>& report() const noexcept { return vehicle_tpik_.report(); }
+  const TpikReport<Scalar>& arm_report() const noexcept { return arm_tpik_.report(); }
+
+ private:
+  using Jacobian = JacobianMatrix<Scalar, R::size>;
+  using Rows = Vector<Scalar, Eigen::Dynamic>;
+  struct Stack {
+    Jacobian jacobian;
+    Rows activation, reference;
+  };
+  static constexpr std::size_t none = static_cast<std::size_t>(-1);
+
+  static Solver make_solver(const R& robot, const Options& options) {
+    if constexpr (R::size == Eigen::Dynamic) {
+      return Solver(robot.dof(), options.solver);
+    } else {
+      return Solver(options.solver);
+    }
+  }
+  std::size_t count_entries() const {
+    std::size_t count = 0;
+    for (const auto& level : hierarchy_) count += level.size();
+    return count;
+  }
+  std::size_t find(std::string_view action) const noexcept {
+    return static_cast<std::size_t>(std::find(names_.begin(), names_.end(), action) -
+                                    names_.begin());
+  }
+  void set_targets(std::size_t action) noexcept {
+    std::size_t i = 0;
+    for (const auto& level : hierarchy_) {
+      for (const auto& entry : level) targets_[i++] = entry.in_action[action] ? Scalar(1) : Scalar(0);
+    }
+  }
+  Status stop(Status status) noexcept {
+    velocity_.setZero();
+    return status;
+  }
+
+  /// Phase activations at `time`, tasks at the robot's state, rows stacked level by level.
+  Status prepare(Scalar time) noexcept {
+    if (action_ == none) return Status::not_started;
+    if (const Status status = transition_.update(time); status != Status::ok) return status;
+    for (Task<R>* task : tasks_) {
+      if (wanted(task)) task->update(robot_);
+    }
+    std::size_t i = 0;
+    for (std::size_t k = 0; k < hierarchy_.size(); ++k) {
+      Stack& stack = stacks_[k];
+      Index row = 0;
+      for (const auto& entry : hierarchy_[k]) {
+        const Scalar phase = transition_.values()[i++];
+        const Index rows = entry.task->rows();
+        if (phase > Scalar(0)) {
+          stack.jacobian.middleRows(row, rows) = entry.task->jacobian();
+          stack.reference.segment(row, rows) = entry.task->reference();
+          stack.activation.segment(row, rows) = phase * entry.task->activation();
+        } else {
+          stack.activation.segment(row, rows).setZero();
+        }
+        row += rows;
+      }
+    }
+    return Status::ok;
+  }
+  bool wanted(const Task<R>* task) const noexcept {
+    std::size_t i = 0;
+    for (const auto& level : hierarchy_) {
+      for (const auto& entry : level) {
+        if (transition_.values()[i++] > Scalar(0) && entry.task == task) return true;
+      }
+    }
+    return false;
+  }
+
+  Status solve(Solver& tpik, const typename Solver::SquareN& Q0,
+               const Vector6<Scalar>& measured) noexcept {
+    // Measured velocities count where Q₀ leaves no choice.
+    for (Index i = 0; i < 6; ++i) {
+      const Index j = robot_.arm_dof() + i;
+      rho0_(j) = Q0(j, j) == Scalar(0) ? measured(i) : Scalar(0);
+    }
+    Status status = tpik.reset(rho0_, Q0);
+    for (std::size_t k = 0; k < stacks_.size() && status == Status::ok; ++k) {
+      status = tpik.add_level(stacks_[k].jacobian, stacks_[k].activation, stacks_[k].reference);
+    }
+    const Status closing = tpik.minimize_velocity();
+    return status == Status::ok ? closing : status;
+  }
+
+  const R& robot_;
+  Options options_;
+  UnifiedHierarchy<R> hierarchy_;
+  Transition<Scalar> transition_;
+  std::vector<Scalar> targets_;
+  std::vector<std::string> names_;
+  std::vector<Task<R>*> tasks_;
+  std::vector<Stack> stacks_;
+  std::size_t action_{none};
+  Solver vehicle_tpik_, arm_tpik_;
+  Velocity velocity_, rho0_;
+  typename Solver::SquareN vehicle_Q0_, arm_Q0_;
+};
+
+}  // namespace icat
