@@ -75,8 +75,8 @@ void write_scene(const fs::path& file, const grasp::Result& r) {
   for (const double t : times) {
     const auto s = std::find_if(r.samples.begin(), r.samples.end(),
                                 [&](const auto& sample) { return sample.t >= t - 1e-9; });
-    // The hull, a box of 1.0 × 0.6 × 0.5 m, drawn in one stroke, then the arm.
-    const double x = 0.5, y = 0.3, top = -0.3, bottom = 0.2;
+    // The hull, a box of 1.0 × 0.6 × 0.73 m, drawn in one stroke, then the arm.
+    const double x = 0.5, y = 0.3, top = -0.3, bottom = 0.43;
     for (const auto& p : std::vector<grasp::Vector3>{
              {x, y, top}, {-x, y, top}, {-x, -y, top}, {x, -y, top}, {x, y, top}, {x, y, bottom},
              {-x, y, bottom}, {-x, y, top}, {-x, y, bottom}, {-x, -y, bottom}, {-x, -y, top},

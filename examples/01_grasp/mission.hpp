@@ -282,11 +282,12 @@ inline Result run(const Variant& variant, double dt = 0.01) {
                                    in_phase > time_limit)) {
       status = enter("grasp", t);
     } else if (s.action == "grasp") {
-      // In a current the error never settles; then the last 10 s of the time limit are judged.
-      if (variant.current && in_phase > time_limit - 10) {
+      // In a current the error never settles: hold for 40 s, judge the last 10 of them, and close
+      // when the tool passes the goal next.
+      if (variant.current && in_phase > time_limit - 10 && in_phase <= time_limit) {
         result.steady_error = std::max(result.steady_error, s.position_error);
       }
-      if (variant.current ? in_phase > time_limit : at_goal || in_phase > time_limit) {
+      if ((at_goal && (!variant.current || in_phase > time_limit)) || in_phase > time_limit + 10) {
         result.grasped = at_goal;
         result.grasp_position_error = s.position_error;
         result.grasp_orientation_error = s.orientation_error;

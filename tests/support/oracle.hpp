@@ -4,10 +4,8 @@
 /// for speed: the oracle of the solver's tests. `Real` may be long double.
 #pragma once
 
-#include <Eigen/SVD>
-#include <cmath>
+#include <Eigen/Core>
 #include <functional>
-#include <numbers>
 
 #include "random_hierarchy.hpp"
 
@@ -28,31 +26,10 @@ struct Parameters {
   Form form = Form::bell;
 };
 
-/// X^{#,A,Q}, Eq. (20).
+/// X^{#,A,Q}, Eq. (20). Compiled once for each scalar, in oracle.cpp: the SVDs are slow to compile.
 template <class Real>
 Mat<Real> pseudo_inverse(const Mat<Real>& X, const Vec<Real>& a, const Mat<Real>& Q,
-                         const Parameters<Real>& p) {
-  const Eigen::Index n = X.cols();
-  const Mat<Real> I = Mat<Real>::Identity(n, n);
-  const Mat<Real> A = a.asDiagonal();
-  const Mat<Real> M =
-      X.transpose() * A * X + p.eta * (I - Q).transpose() * (I - Q);
-  Eigen::JacobiSVD<Mat<Real>> svd(M, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Vec<Real> inverse(n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const Real s = svd.singularValues()(i);
-    const Real h = s < p.threshold
-                       ? p.lambda / 2 * (1 + std::cos(std::numbers::pi_v<Real> * s / p.threshold))
-                       : Real(0);
-    if (p.form == Form::bell) {
-      inverse(i) = s + h == Real(0) ? Real(0) : 1 / (s + h);
-    } else {
-      inverse(i) = s == Real(0) ? Real(0) : s / (s * s + h);
-    }
-  }
-  // M is symmetric PSD, so V diag V^T and V diag U^T differ by rounding only.
-  return svd.matrixV() * inverse.asDiagonal() * svd.matrixV().transpose() * X.transpose() * A * A;
-}
+                         const Parameters<Real>& p);
 
 /// Eq. (21)–(23).
 template <class Real>

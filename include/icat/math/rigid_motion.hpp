@@ -23,11 +23,13 @@ namespace icat {
 
 /// Width in rad of the zone before π in which orientation errors fade out.
 inline constexpr double half_turn_fade = 0.1;
+/// The same for the misalignment vector; wider, because there the Jacobian fades too.
+inline constexpr double misalignment_fade = 0.5;
 
-/// 1 up to π − `half_turn_fade`, from there smoothly to 0 at `angle` = π.
+/// 1 up to π − `fade`, from there smoothly to 0 at `angle` = π.
 template <class Scalar>
-Scalar half_turn_weight(Scalar angle) noexcept {
-  return smooth_step((std::numbers::pi_v<Scalar> - angle) / Scalar(half_turn_fade));
+Scalar half_turn_weight(Scalar angle, Scalar fade = Scalar(half_turn_fade)) noexcept {
+  return smooth_step((std::numbers::pi_v<Scalar> - angle) / fade);
 }
 
 /// [a]×, the matrix of b ↦ a × b.
@@ -101,8 +103,8 @@ Pose<Scalar> integrate(const Pose<Scalar>& pose, const Vector6<Scalar>& twist, S
 /// Misalignment of the unit vector `d` from the z axis of the frame its components are on.
 ///
 /// `angle` θ in [0, π] with gradient `angle_gradient` = ∂θ/∂d; and the misalignment vector
-/// ξ = θ n, n = z × d / ‖z × d‖, which has no z component: `vector` = (ξ_x, ξ_y), faded at π as
-/// above, with derivative `vector_gradient` = ∂ξ/∂d (2 × 3). ξ and its derivative are smooth
+/// ξ = θ n, n = z × d / ‖z × d‖, which has no z component: `vector` = (ξ_x, ξ_y), faded to 0
+/// before π, with derivative `vector_gradient` = ∂ξ/∂d (2 × 3). ξ and its derivative are smooth
 /// everywhere; the gradient of θ is 0 at θ = 0 and π, where θ has a kink.
 template <class Scalar>
 struct Misalignment {
@@ -119,12 +121,15 @@ Misalignment<Scalar> misalignment_from_z(const Vector3<Scalar>& d) noexcept {
   const Scalar s = std::hypot(d(0), d(1));
   m.angle = std::atan2(s, d(2));
   m.angle_gradient.setZero();
-  if (s > Scalar(0)) m.angle_gradient << d(2) * d(0) / s, d(2) * d(1) / s, -s;
+  // Nearer to the kink than the rounding of d its direction is unknown.
+  if (s > Scalar(8) * std::numeric_limits<Scalar>::epsilon()) {
+    m.angle_gradient << d(2) * d(0) / s, d(2) * d(1) / s, -s;
+  }
 
   // ξ = g(θ) (−d_y, d_x), g = θ w(θ) / sinθ, with w the fade. Both ends by their series.
   const Scalar theta = m.angle;
   const Scalar rest = pi - theta;
-  const Scalar fade = Scalar(half_turn_fade);
+  const Scalar fade = Scalar(misalignment_fade);
   Scalar g, g_slope;  // and dg/dθ
   if (theta < Scalar(1e-3)) {
     g = Scalar(1) + theta * theta / Scalar(6);
@@ -134,7 +139,7 @@ Misalignment<Scalar> misalignment_from_z(const Vector3<Scalar>& d) noexcept {
     g = Scalar(10) * pi * rest * rest / (fade * fade * fade);
     g_slope = -Scalar(20) * pi * rest / (fade * fade * fade);
   } else {
-    const Scalar w = half_turn_weight(theta);
+    const Scalar w = half_turn_weight(theta, fade);
     const Scalar w_slope = -smooth_step_derivative(rest / fade) / fade;
     const Scalar sine = std::sin(theta);
     g = theta * w / sine;

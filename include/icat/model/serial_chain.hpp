@@ -58,11 +58,12 @@ class SerialChain {
  public:
   using VectorQ = Vector<Scalar, Dof>;
   using State = ChainState<Scalar, Dof>;
+  using Joints = std::array<Joint<Scalar>, static_cast<std::size_t>(Dof)>;
 
   /// @param joints        from base to end-effector
   /// @param end_effector  pose of ⟨e⟩ in ⟨b⟩ at q = 0
   /// @throws std::invalid_argument on an axis that is not of unit length or limits out of order.
-  SerialChain(const std::array<Joint<Scalar>, Dof>& joints, const Pose<Scalar>& end_effector)
+  SerialChain(const Joints& joints, const Pose<Scalar>& end_effector)
       : joints_(joints), end_effector_(end_effector) {
     for (Index j = 0; j < Dof; ++j) {
       const auto& joint = joints_[static_cast<std::size_t>(j)];
@@ -210,7 +211,7 @@ class SerialChain {
   }
 
  private:
-  std::array<Joint<Scalar>, Dof> joints_;
+  Joints joints_;
   Pose<Scalar> end_effector_;
   VectorQ lower_, upper_;
 };

@@ -21,7 +21,7 @@ class CameraCentering : public Task<R> {
  public:
   using Scalar = typename R::Scalar;
   struct Options {
-    std::string name{"camera centering"};
+    std::string name = "camera centering";
     Vector3<Scalar> target{Vector3<Scalar>::Zero()};  ///< components on ⟨0⟩, m
     std::optional<Objective<Scalar>> norm{};
     Scalar gain{1};
@@ -79,7 +79,7 @@ class CameraOcclusion : public Task<R> {
  public:
   using Scalar = typename R::Scalar;
   struct Options {
-    std::string name{"camera occlusion"};
+    std::string name = "camera occlusion";
     Index elbow_joint;     ///< the joint whose point is the elbow
     Scalar minimum_angle;  ///< half the opening of the cone, rad
     Scalar margin;         ///< rad

@@ -18,7 +18,7 @@ class JointLimits : public Task<R> {
  public:
   using Scalar = typename R::Scalar;
   struct Options {
-    std::string name{"joint limits"};
+    std::string name = "joint limits";
     Scalar margin{static_cast<Scalar>(0.1)};  ///< β, rad or m
     Scalar gain{1};                           ///< γ, 1/s
     Scalar max_rate{std::numeric_limits<Scalar>::infinity()};  ///< rad/s, m/s
@@ -54,7 +54,7 @@ class Manipulability : public Task<R> {
  public:
   using Scalar = typename R::Scalar;
   struct Options {
-    std::string name{"manipulability"};
+    std::string name = "manipulability";
     Scalar minimum;  ///< μ_m, in the unit of μ (m³ for a revolute arm of six joints or more)
     Scalar margin;   ///< Δ of [MARIS, Eq. (16)]
     Scalar gain{1};
@@ -88,7 +88,7 @@ class PreferredShape : public Task<R> {
   using Scalar = typename R::Scalar;
   using VectorQ = typename R::VectorQ;
   struct Options {
-    std::string name{"preferred shape"};
+    std::string name = "preferred shape";
     VectorQ shape;  ///< q*, rad or m
     std::optional<Objective<Scalar>> norm{};
     Scalar gain{1};

@@ -63,21 +63,22 @@ class PoseTask : public Task<R> {
     if constexpr (Linear) {
       const Vector3<Scalar> r = options_.goal.translation() - frame.translation();
       set_part(row, r, jacobian.template topRows<3>(), options_.max_linear_rate,
-               options_.norms ? &options_.norms->position : nullptr, Scalar(1));
+               options_.norms ? &options_.norms->position : nullptr, Scalar(1),
+               options_.goal.translation().norm());
     }
     if constexpr (Angular) {
       const Vector3<Scalar> phi =
           rotation_log<Scalar>(options_.goal.linear() * frame.linear().transpose());
       const Scalar fade = half_turn_weight(phi.norm());
       set_part(row, phi, jacobian.template bottomRows<3>(), options_.max_angular_rate,
-               options_.norms ? &options_.norms->orientation : nullptr, fade);
+               options_.norms ? &options_.norms->orientation : nullptr, fade, Scalar(1));
     }
   }
 
  private:
   template <class J>
   void set_part(Index& row, const Vector3<Scalar>& error, const J& jacobian, Scalar max_rate,
-                const Objective<Scalar>* objective, Scalar fade) noexcept {
+                const Objective<Scalar>* objective, Scalar fade, Scalar magnitude) noexcept {
     if (!objective) {
       this->jacobian_.template middleRows<3>(row) = jacobian;
       this->set_error(row, error, options_.gain, max_rate);
@@ -87,8 +88,10 @@ class PoseTask : public Task<R> {
     }
     const Scalar distance = error.norm();
     auto J_row = this->jacobian_.row(row);
-    J_row.setZero();  // The mean of both sides of the kink at distance 0, and of that at π.
-    if (distance > Scalar(0) && fade > Scalar(0)) {
+    // The mean of both sides of the kinks, at distance 0 (as far as rounding can tell) and at π.
+    J_row.setZero();
+    const Scalar rounding = Scalar(8) * std::numeric_limits<Scalar>::epsilon() * magnitude;
+    if (distance > rounding && fade > Scalar(0)) {
       J_row = (-error / distance).transpose().lazyProduct(jacobian);
     }
     this->set_scalar(row, distance, *objective, options_.gain, max_rate);

@@ -20,7 +20,7 @@ class HorizontalAttitude : public Task<R> {
  public:
   using Scalar = typename R::Scalar;
   struct Options {
-    std::string name{"horizontal attitude"};
+    std::string name = "horizontal attitude";
     std::optional<Objective<Scalar>> norm{};  ///< rad
     Scalar gain{1};
     Scalar max_rate{std::numeric_limits<Scalar>::infinity()};  ///< rad/s
@@ -60,7 +60,7 @@ class VehicleDistance : public Task<R> {
  public:
   using Scalar = typename R::Scalar;
   struct Options {
-    std::string name{"vehicle distance"};
+    std::string name = "vehicle distance";
     Vector3<Scalar> other;  ///< origin of the other vehicle's frame, components on ⟨0⟩, m
     Scalar minimum;         ///< d_m, m
     Scalar margin;          ///< m

@@ -1,0 +1,95 @@
+# Sourced by the other scripts: what they share. Leaves the working directory at the project's root.
+set -euo pipefail
+cd -P -- "$(dirname -- "${BASH_SOURCE[0]}")/.."
+
+say() { printf '== %s\n' "$*"; }
+
+fail() {
+  printf 'error: %s\n' "$*" >&2
+  exit 1
+}
+
+# is_there <what>: 'package', or 'package:command' where the command is what counts.
+is_there() {
+  if [[ $1 == *:* ]]; then
+    command -v "${1#*:}" >/dev/null
+  elif command -v dpkg-query >/dev/null; then
+    [[ " $(dpkg-query -W -f='${db:Status-Status} ' "$1" 2>/dev/null)" == *" installed "* ]]
+  fi # elsewhere CMake finds the library, or says that it is missing
+}
+
+# need <what>...: installs what is not there.
+need() {
+  local what missing=()
+  for what in "$@"; do
+    is_there "$what" || missing+=("${what%%:*}")
+  done
+  if ((${#missing[@]})); then
+    apt_install "${missing[@]}"
+  fi
+}
+
+apt_install() {
+  local as_root=() log=build/apt.log reason
+  command -v apt-get >/dev/null ||
+    fail "missing: $*; there is no apt-get here to install them"
+  if ((EUID != 0)); then
+    command -v sudo >/dev/null ||
+      fail "missing: $*; installing them needs root or sudo"
+    # A terminal can ask for the password, nothing else can.
+    if [[ -t 0 ]]; then sudo -v; else sudo -n true 2>/dev/null; fi ||
+      fail "missing: $*; sudo refused to install them"
+    as_root=(sudo)
+  fi
+  say "Installing $*"
+  mkdir -p build
+  local apt=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive
+    apt-get -q -o DPkg::Lock::Timeout=120)
+  # A failed update matters only when a package cannot be had after it.
+  "${apt[@]}" update >"$log" 2>&1 </dev/null || true
+  "${apt[@]}" install -y --no-install-recommends "$@" >>"$log" 2>&1 </dev/null || {
+    reason=$(grep -m1 -E '^(W: Failed to fetch|E:) ' "$log" || tail -n1 "$log")
+    fail "apt could not install $*: ${reason#[EW]: } (log: $PWD/$log)"
+  }
+}
+
+# Stops when the compiler or CMake is too old; CXX chooses another compiler.
+need_compiler() {
+  export CXX=${CXX:-g++}
+  local version
+  command -v "$CXX" >/dev/null || fail "no compiler $CXX"
+  "$CXX" -std=c++20 -fsyntax-only -x c++ - 2>/dev/null <<'CPP' ||
+#include <concepts>
+#if defined(__clang__) ? __clang_major__ < 14 : __GNUC__ < 11
+#error too old
+#endif
+CPP
+    fail "$CXX $("$CXX" -dumpversion) is too old: icat needs g++ >= 11 or clang++ >= 14 (set CXX)"
+  version=$(cmake --version | sed -n '1s/[^0-9]*//p')
+  [[ $(printf '%s\n' 3.22 "$version" | sort -V | head -n1) == 3.22 ]] ||
+    fail "CMake $version is too old: icat needs 3.22"
+}
+
+# Parallel jobs: one per processor, if each has the 1.5 GB that a file full of Eigen may need.
+parallel_jobs() {
+  local by_memory by_cpu
+  by_memory=$(awk '/^MemTotal:/ { print int($2 / 1500000) }' /proc/meminfo)
+  by_cpu=$(nproc)
+  echo $((by_memory < 1 ? 1 : by_memory < by_cpu ? by_memory : by_cpu))
+}
+
+# build <preset>: configures and builds.
+build() {
+  local cache=build/$1/CMakeCache.txt
+  # A folder that was configured elsewhere (a moved or copied clone) is of no use.
+  if [[ -f $cache ]] && ! grep -qxF "CMAKE_HOME_DIRECTORY:INTERNAL=$PWD" "$cache"; then
+    rm -rf -- "build/$1"
+  fi
+  say "Building: $1"
+  mkdir -p build
+  cmake --preset "$1" >"build/$1.log" 2>&1 || {
+    cat "build/$1.log" >&2
+    fail "CMake could not configure '$1'"
+  }
+  cmake --build --preset "$1" --parallel "$(parallel_jobs)" || fail "'$1' does not build"
+}

@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The unified hierarchy and the transitions between actions.
+#include <gtest/gtest.h>
+
+#include <icat/action/transition.hpp>
+#include <icat/action/unified_hierarchy.hpp>
+#include <icat/task/function_task.hpp>
+#include <deque>
+#include <random>
+
+namespace {
+
+// The least a robot can be.
+struct Archetype {
+  using Scalar = double;
+  static constexpr int size = 2;
+  static icat::Index dof() { return 2; }
+};
+static_assert(icat::Robot<Archetype>);
+static_assert(!icat::VehicleManipulator<Archetype>);
+
+using Task = icat::task::FunctionTask<Archetype>;
+using Action = icat::Action<Archetype>;
+using Hierarchy = icat::UnifiedHierarchy<Archetype>;
+
+class Tasks {
+ public:
+  icat::Task<Archetype>& operator[](const std::string& name) {
+    for (auto& t : tasks_) {
+      if (t.name() == name) return t;
+    }
+    return tasks_.emplace_back(
+        Archetype{}, Task::Options{.name = name,
+                                   .evaluate = [](const Archetype&, auto&, auto&) {},
+                                   .objective = icat::Objective<double>::equal_to(0)});
+  }
+  /// "A < D < C,E"
+  Action action(const std::string& name, const std::string& list) {
+    Action a{name, {{}}};
+    for (const char c : list) {
+      if (c == '<') a.levels.emplace_back();
+      if (std::isalpha(static_cast<unsigned char>(c))) a.levels.back().push_back((*this)[{c}]);
+    }
+    return a;
+  }
+
+ private:
+  std::deque<Task> tasks_;
+};
+
+std::string text(const Hierarchy& h) {
+  std::string s;
+  for (std::size_t k = 0; k < h.size(); ++k) {
+    if (k) s += " < ";
+    std::vector<std::string> names;
+    for (const auto& e : h[k]) names.push_back(e.task->name());
+    std::sort(names.begin(), names.end());
+    for (std::size_t i = 0; i < names.size(); ++i) s += (i ? "," : "") + names[i];
+  }
+  return s;
+}
+std::size_t entries(const Hierarchy& h) {
+  std::size_t n = 0;
+  for (const auto& level : h) n += level.size();
+  return n;
+}
+
+/// What is left of the unified list when the entries that are not in `action` are switched off.
+std::string extracted(const Hierarchy& h, std::size_t action) {
+  Hierarchy own;
+  for (const auto& level : h) {
+    auto& l = own.emplace_back();
+    for (const auto& e : level) {
+      if (e.in_action[action]) l.push_back(e);
+    }
+    if (l.empty()) own.pop_back();
+  }
+  return text(own);
+}
+std::string text(const Action& a) {
+  Hierarchy h;
+  for (const auto& level : a.levels) {
+    auto& l = h.emplace_back();
+    for (auto& t : level) l.push_back({&t.get(), {}});
+  }
+  return text(h);
+}
+
+TEST(UnifiedHierarchy, ThePapersExample) {
+  Tasks tasks;
+  const std::vector<Action> actions{tasks.action("P1", "A < B,C,D"), tasks.action("P2", "A < D < C,E")};
+  const Hierarchy h = icat::unified_hierarchy(actions);
+  EXPECT_EQ(text(h), "A < D < B,C,D,E");
+  EXPECT_EQ(extracted(h, 0), "A < B,C,D");
+  EXPECT_EQ(extracted(h, 1), "A < D < C,E");
+}
+
+TEST(UnifiedHierarchy, ConflictingOrdersDuplicateATask) {
+  Tasks tasks;
+  const Hierarchy h =
+      icat::unified_hierarchy<Archetype>({tasks.action("1", "A < B"), tasks.action("2", "B < A")});
+  EXPECT_EQ(entries(h), 3u);
+  EXPECT_EQ(h.size(), 3u);
+  EXPECT_EQ(extracted(h, 0), "A < B");
+  EXPECT_EQ(extracted(h, 1), "B < A");
+}
+
+TEST(UnifiedHierarchy, ConsistentOrdersNeedEachTaskOnce) {
+  Tasks tasks;
+  const Hierarchy h = icat::unified_hierarchy<Archetype>(
+      {tasks.action("navigate", "J < D < M < H < V < a"), tasks.action("grasp", "J < D < M < C < H < T < v"),
+       tasks.action("lift", "J < D < M < H < T < a")});
+  EXPECT_EQ(entries(h), 9u);  // J D M C H V T a v
+  EXPECT_EQ(h.size(), 8u);    // V and a letter that never meets it share a level
+  EXPECT_EQ(extracted(h, 0), "J < D < M < H < V < a");
+  EXPECT_EQ(extracted(h, 1), "J < D < M < C < H < T < v");
+  EXPECT_EQ(extracted(h, 2), "J < D < M < H < T < a");
+}
+
+// All merges of all orders, by brute force: the fewest entries there are.
+std::size_t fewest_entries(const std::vector<Action>& actions, std::vector<std::size_t> at) {
+  std::size_t best = static_cast<std::size_t>(-1);
+  std::size_t unfinished = 0;
+  for (std::size_t a = 0; a < actions.size(); ++a) {
+    if (at[a] < actions[a].levels.size()) unfinished |= std::size_t{1} << a;
+  }
+  if (!unfinished) return 0;
+  for (std::size_t move = 1; move <= unfinished; ++move) {
+    if ((move & unfinished) != move) continue;
+    std::set<const void*> level;
+    auto next = at;
+    for (std::size_t a = 0; a < actions.size(); ++a) {
+      if (!((move >> a) & 1)) continue;
+      for (const auto& t : actions[a].levels[at[a]]) level.insert(&t.get());
+      ++next[a];
+    }
+    best = std::min(best, level.size() + fewest_entries(actions, next));
+  }
+  return best;
+}
+
+TEST(UnifiedHierarchy, IsTheShortestAndContainsEveryAction) {
+  std::mt19937 rng(1);
+  for (int i = 0; i < 300; ++i) {
+    SCOPED_TRACE(i);
+    Tasks tasks;
+    std::vector<Action> actions;
+    const int count = 2 + static_cast<int>(rng() % 2);
+    for (int a = 0; a < count; ++a) {
+      std::string letters = "ABCDEF";
+      std::shuffle(letters.begin(), letters.end(), rng);
+      std::string list;
+      const std::size_t length = 1 + rng() % 4;
+      for (std::size_t k = 0; k < length; ++k) {
+        if (k) list += rng() % 3 ? '<' : ',';
+        list += letters[k];
+      }
+      actions.push_back(tasks.action(std::to_string(a), list));
+    }
+    const Hierarchy h = icat::unified_hierarchy(actions);
+    for (std::size_t a = 0; a < actions.size(); ++a) EXPECT_EQ(extracted(h, a), text(actions[a]));
+    EXPECT_EQ(entries(h), fewest_entries(actions, std::vector<std::size_t>(actions.size(), 0)));
+  }
+}
+
+TEST(UnifiedHierarchy, BadActionsThrow) {
+  Tasks tasks;
+  const auto message = [](const std::vector<Action>& actions) -> std::string {
+    try {
+      icat::unified_hierarchy(actions);
+    } catch (const std::invalid_argument& e) {
+      return e.what();
+    }
+    return "no exception";
+  };
+  EXPECT_EQ(message({}), "unified_hierarchy: there are no actions");
+  EXPECT_EQ(message({tasks.action("x", "A"), tasks.action("x", "B")}),
+            "unified_hierarchy: two actions are called 'x'");
+  EXPECT_EQ(message({tasks.action("x", "A < B < A")}),
+            "action 'x': task 'A' stands in it twice");
+  EXPECT_EQ(message({tasks.action("x", "A < < B")}), "action 'x': level 1 has no tasks");
+  EXPECT_EQ(message(std::vector<Action>(17)), "unified_hierarchy: at most 16 actions, got 17");
+}
+
+// --- transitions ---------------------------------------------------------------------------------
+
+TEST(Transition, ThousandRandomSwitchSequencesNeverJump) {
+  std::mt19937 rng(2);
+  std::uniform_real_distribution<double> u(0, 1);
+  for (int sequence = 0; sequence < 1000; ++sequence) {
+    SCOPED_TRACE(sequence);
+    constexpr std::size_t count = 6;
+    icat::Transition<double> transition(count);
+    std::vector<double> targets(count), last(count);
+    double t = 10 * u(rng);
+    for (auto& x : targets) x = rng() % 2 ? 1 : 0;
+    transition.set(targets, t);
+    last = targets;
+    double duration = 1;
+    const double dt = 1e-3;
+    for (int cycle = 0; cycle < 600; ++cycle) {
+      // A switch in the middle of a transition more often than not; some take it back.
+      if (rng() % 60 == 0) {
+        for (auto& x : targets) x = rng() % 2 ? 1 : 0;
+        duration = 0.05 + 0.4 * u(rng);
+        ASSERT_EQ(transition.start(targets, t, duration), icat::Status::ok);
+        for (std::size_t i = 0; i < count; ++i) ASSERT_EQ(transition.values()[i], last[i]);
+      }
+      t += dt;
+      ASSERT_EQ(transition.update(t), icat::Status::ok);
+      for (std::size_t i = 0; i < count; ++i) {
+        const double a = transition.values()[i];
+        ASSERT_GE(a, 0);
+        ASSERT_LE(a, 1);
+        // The steepest slope of the sigmoid is 15/8.
+        ASSERT_LE(std::abs(a - last[i]), 15.0 / 8 * dt / duration + 1e-12);
+        last[i] = a;
+      }
+    }
+    t += 1;
+    ASSERT_EQ(transition.update(t), icat::Status::ok);
+    EXPECT_TRUE(transition.finished());
+    for (std::size_t i = 0; i < count; ++i) EXPECT_EQ(transition.values()[i], targets[i]);
+  }
+}
+
+TEST(Transition, TakesTheTimeItWasGiven) {
+  icat::Transition<double> transition(1);
+  const std::vector<double> one{1}, zero{0};
+  transition.set(zero, 5);
+  ASSERT_EQ(transition.start(one, 5, 2), icat::Status::ok);
+  ASSERT_EQ(transition.update(6), icat::Status::ok);
+  EXPECT_EQ(transition.values()[0], 0.5);
+  EXPECT_FALSE(transition.finished());
+  ASSERT_EQ(transition.update(6.99), icat::Status::ok);
+  EXPECT_LT(transition.values()[0], 1);
+  ASSERT_EQ(transition.update(7), icat::Status::ok);
+  EXPECT_EQ(transition.values()[0], 1);
+  EXPECT_TRUE(transition.finished());
+}
+
+TEST(Transition, RefusesBadInput) {
+  icat::Transition<double> transition(2);
+  const std::vector<double> targets{1, 0}, three{1, 0, 1};
+  transition.set(targets, 1);
+  EXPECT_EQ(transition.start(three, 1, 1), icat::Status::wrong_size);
+  EXPECT_EQ(transition.start(targets, 1, 0), icat::Status::invalid_duration);
+  EXPECT_EQ(transition.start(targets, 1, NAN), icat::Status::invalid_duration);
+  EXPECT_EQ(transition.start(targets, 0.5, 1), icat::Status::time_reversed);
+  EXPECT_EQ(transition.update(0.5), icat::Status::time_reversed);
+  EXPECT_EQ(transition.update(NAN), icat::Status::non_finite);
+  EXPECT_EQ(transition.update(1), icat::Status::ok);
+  EXPECT_EQ(transition.values()[0], 1);
+}
+
+}  // namespace

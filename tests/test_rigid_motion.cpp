@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <icat/math/numerical_differentiation.hpp>
+#include <icat/math/rigid_motion.hpp>
+#include <icat/math/symmetric_eigen.hpp>
+
+#include "support/states.hpp"
+
+namespace {
+
+template <class S>
+class RigidMotion : public testing::Test {};
+using Scalars = testing::Types<float, double>;
+TYPED_TEST_SUITE(RigidMotion, Scalars);
+
+// A tolerance of so many roundings of numbers of order 1.
+template <class S>
+constexpr S roundings(int n) {
+  return S(n) * std::numeric_limits<S>::epsilon();
+}
+
+TYPED_TEST(RigidMotion, LogInvertsExp) {
+  using S = TypeParam;
+  using V = icat::Vector3<S>;
+  constexpr S pi = std::numbers::pi_v<S>;
+  const V axis = V(S(0.36), S(-0.48), S(0.8));
+  for (const S angle : {S(0), S(1e-12), S(1e-8), S(1e-4), S(0.5), S(2), pi - S(1e-3), pi - S(1e-6)}) {
+    const V phi = angle * axis;
+    EXPECT_LT((icat::rotation_log<S>(icat::rotation_exp<S>(phi)) - phi).norm(), roundings<S>(40))
+        << angle;
+  }
+  // At π the axis has two signs.
+  const V at_pi = icat::rotation_log<S>(icat::rotation_exp<S>(V(pi * axis)));
+  EXPECT_LT(std::min((at_pi - pi * axis).norm(), (at_pi + pi * axis).norm()), roundings<S>(40));
+}
+
+TYPED_TEST(RigidMotion, OrientationErrorDoesNotJumpAtHalfATurn) {
+  using S = TypeParam;
+  using V = icat::Vector3<S>;
+  const icat::Matrix3<S> I = icat::Matrix3<S>::Identity();
+  const V axis = V(S(0.36), S(-0.48), S(0.8));
+  V last = V::Zero();
+  const S step = S(1e-3);
+  for (S angle = 0; angle < S(6.3); angle += step) {
+    const V e = icat::orientation_error<S>(I, icat::rotation_exp<S>(V(angle * axis)));
+    // Steepest where it fades: π · 30/16 / 0.1 ≈ 59 per rad.
+    EXPECT_LE((e - last).norm(), S(60) * step) << angle;
+    last = e;
+  }
+  // Away from there it is the rotation vector.
+  EXPECT_LT((icat::orientation_error<S>(I, icat::rotation_exp<S>(V(S(3) * axis))) - S(3) * axis).norm(),
+            roundings<S>(40));
+}
+
+TYPED_TEST(RigidMotion, IntegratesTwistsExactly) {
+  using S = TypeParam;
+  for (const double scale : {0.0, 1e-9, 1e-5, 9e-3, 1.1e-2, 1.0, 3.0}) {
+    icat::Vector6<S> twist;
+    twist << S(0.3), S(-0.2), S(0.5), S(scale * 0.36), S(scale * -0.48), S(scale * 0.8);
+    const auto start = testing_support::make_pose<S>(1, 2, 3, 0.1, 0.2, 0.3);
+    const icat::Pose<double> begin = testing_support::make_pose<double>(1, 2, 3, 0.1, 0.2, 0.3);
+    using M4 = Eigen::Matrix<long double, 4, 4>;
+    M4 generator = M4::Zero();
+    generator.topLeftCorner<3, 3>() = icat::skew(twist.template tail<3>().template cast<long double>());
+    generator.topRightCorner<3, 1>() = twist.template head<3>().template cast<long double>();
+    // exp by scaling and squaring of the Taylor series.
+    M4 exponential = M4::Identity(), term = exponential;
+    for (int k = 1; k < 20; ++k) {
+      term = (term * generator / (1024.0L * k)).eval();
+      exponential += term;
+    }
+    for (int k = 0; k < 10; ++k) exponential = (exponential * exponential).eval();
+    const M4 expected = begin.matrix().template cast<long double>() * exponential;
+    const icat::Pose<S> got = icat::integrate<S>(start, twist, S(1));
+    EXPECT_LT(static_cast<S>((got.matrix().template cast<long double>() - expected).norm()),
+              roundings<S>(60))
+        << scale;
+  }
+}
+
+TYPED_TEST(RigidMotion, MisalignmentIsDifferentiableEverywhere) {
+  using S = TypeParam;
+  using V = icat::Vector3<S>;
+  constexpr double pi = std::numbers::pi;
+  for (const double theta : {0.0, 1e-9, 5e-4, 2e-3, 0.3, pi / 2, 2.5, pi - 0.6, pi - 0.4, pi - 0.05,
+                             pi - 2e-4, pi - 5e-5, pi}) {
+    for (const double psi : {0.0, 0.7, 3.0, 4.4}) {
+      const V d(S(std::sin(theta) * std::cos(psi)), S(std::sin(theta) * std::sin(psi)),
+                S(std::cos(theta)));
+      const auto m = icat::misalignment_from_z<S>(d);
+      EXPECT_NEAR(m.angle, S(theta), roundings<S>(8));
+      EXPECT_LE(m.vector.norm(), m.angle + roundings<S>(8));
+      // Derivative along rotations of d, the only motions it has, in double.
+      if constexpr (std::is_same_v<S, double>) {
+        const auto rotated = [&](const V& w) { return V(icat::rotation_exp<S>(w) * d); };
+        const auto numeric = icat::central_difference(
+            [&](const V& w) { return icat::misalignment_from_z<S>(rotated(w)).vector; }, V(V::Zero()),
+            1e-7);
+        const Eigen::Matrix<S, 2, 3> analytic = -m.vector_gradient * icat::skew(d);
+        EXPECT_LT((analytic - numeric).norm(), 2e-5 * (1 + analytic.norm())) << theta << ' ' << psi;
+        const auto angle_numeric = icat::central_difference(
+            [&](const V& w) {
+              return icat::Vector<S, 1>(icat::misalignment_from_z<S>(rotated(w)).angle);
+            },
+            V(V::Zero()), 1e-7);
+        // Closer to the kink than the step the difference sees both of its sides.
+        if (theta != 1e-9) {
+          EXPECT_LT((-m.angle_gradient * icat::skew(d) - angle_numeric).norm(), 1e-5)
+              << theta << ' ' << psi;
+        }
+      }
+    }
+  }
+}
+
+TYPED_TEST(RigidMotion, SymmetricEigenReconstructs) {
+  using S = TypeParam;
+  std::mt19937 rng(3);
+  std::normal_distribution<double> normal;
+  icat::detail::SymmetricEigen<S, Eigen::Dynamic> eigen(32);
+  using M = Eigen::Matrix<S, Eigen::Dynamic, Eigen::Dynamic>;
+  for (int n = 1; n <= 32; ++n) {
+    for (int rank : {0, 1, n / 2, n}) {
+      M a(n, rank);
+      for (Eigen::Index i = 0; i < a.size(); ++i) a(i) = S(normal(rng));
+      M s = a * a.transpose();
+      if (rank == 0) s.setZero(n, n);
+      ASSERT_TRUE(eigen.compute(s));
+      const M v = eigen.vectors();
+      EXPECT_LT((v.transpose() * v - M::Identity(n, n)).norm(), roundings<S>(20 * n));
+      EXPECT_LT((v * eigen.values().asDiagonal() * v.transpose() - s).norm(),
+                roundings<S>(20 * n) * (1 + s.norm()));
+    }
+  }
+  M bad = M::Identity(4, 4);
+  bad(2, 1) = std::numeric_limits<S>::infinity();
+  EXPECT_FALSE(eigen.compute(bad));
+  bad(2, 1) = std::numeric_limits<S>::quiet_NaN();
+  bad(1, 2) = bad(2, 1);
+  EXPECT_FALSE(eigen.compute(bad));
+  const M diagonal = Eigen::Matrix<S, 3, 1>(S(3), S(1), S(2)).asDiagonal();
+  ASSERT_TRUE(eigen.compute(diagonal));
+  EXPECT_EQ(eigen.values().sum(), S(6));
+}
+
+TYPED_TEST(RigidMotion, SmoothStepStaysInTheUnitInterval) {
+  using S = TypeParam;
+  EXPECT_EQ(icat::smooth_step(S(-1)), S(0));
+  EXPECT_EQ(icat::smooth_step(S(0)), S(0));
+  EXPECT_EQ(icat::smooth_step(S(0.5)), S(0.5));
+  EXPECT_EQ(icat::smooth_step(S(1)), S(1));
+  EXPECT_EQ(icat::smooth_step(std::numeric_limits<S>::infinity()), S(1));
+  EXPECT_TRUE(std::isnan(icat::smooth_step(std::numeric_limits<S>::quiet_NaN())));
+  S u = 1;
+  for (int i = 0; i < 1000; ++i) {
+    u = std::nextafter(u, S(0));
+    EXPECT_LE(icat::smooth_step(u), S(1));
+  }
+  for (double x = 0.05; x < 1; x += 0.1) {
+    const double numeric = (icat::smooth_step(x + 1e-6) - icat::smooth_step(x - 1e-6)) / 2e-6;
+    EXPECT_NEAR(icat::smooth_step_derivative(x), numeric, 1e-8);
+  }
+}
+
+}  // namespace
