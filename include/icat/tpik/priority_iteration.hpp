@@ -49,6 +49,9 @@ class PriorityIteration {
         next_projector_(dof, dof),
         image_(dof, Columns),
         solved_(dof, Columns),
+        spectral_(dof, Columns),
+        factor_(2 * dof, dof),
+        rotated_(2 * dof, dof),
         eigen_(dof) {}
 
   Index dof() const noexcept { return projector.rows(); }
@@ -93,14 +96,16 @@ class PriorityIteration {
   /// A closing level with J = I, A = I [Coop, Eq. (23)] for e = −`current`. The projector is not
   /// touched: nothing comes after it.
   bool close(const Coefficients& current) noexcept {
-    multiply_transposed(projector, projector, gram_);
-    m_ = gram_;
-    multiply_transposed(projector, current, image_);
-    image_ = -image_;
-    if (!apply_w() || !eigen_.compute(gram_)) return false;
-    multiply(gram_, solved_, image_);
-    apply_function(image_, solved_);
-    multiply(projector, solved_, increment);
+    factor_.topRows(dof()) = projector;
+    multiply_transposed(projector, projector, m_);
+    gram_ = m_;
+    if (!decompose_w(dof())) return false;
+    solved_ = -current;
+    apply_rotated(rotated_.topRows(dof()), solved_, image_);  // W e
+    if (!eigen_.compute(gram_)) return false;
+    auto c = rotated_.topRows(dof());
+    rotate_and_refine(projector, projector, c);
+    apply_rotated(c, image_, increment);
     return increment.allFinite();
   }
 
@@ -113,61 +118,94 @@ class PriorityIteration {
  private:
   bool stored() const noexcept { return active_ <= dof(); }
 
-  /// solved_ = f(m_ + η (I − Q)ᵀ(I − Q)) image_; both matrices are overwritten.
-  bool apply_w() noexcept {
-    scratch_ = -projector;
-    scratch_.diagonal().array() += Scalar(1);
+  /// Decomposes M = m_ + η (I − Q)ᵀ(I − Q) = V diag(d) Vᵀ. The first `rows` of factor_ hold X̃ with
+  /// X̃ᵀX̃ = m_; the first `rows` of rotated_ become X̃ V. With no rows, only eigen_ is filled.
+  bool decompose_w(Index rows) noexcept {
+    scratch_ = -std::sqrt(projection_weight_) * projector;
+    scratch_.diagonal().array() += std::sqrt(projection_weight_);
     multiply_transposed(scratch_, scratch_, inner_);
-    m_ += projection_weight_ * inner_;
+    m_ += inner_;
     if (!eigen_.compute(m_)) return false;
-    apply_function(image_, solved_);
+    if (rows == 0) return true;
+    factor_.middleRows(rows, dof()) = scratch_;
+    rotate_and_refine(factor_.topRows(rows), factor_.topRows(rows + dof()),
+                      rotated_.topRows(rows + dof()));
     return true;
   }
 
-  /// out = V f(d) Vᵀ in, with the eigendecomposition computed last; `in` is overwritten.
-  template <class In, class Out>
-  void apply_function(In&& in, Out&& out) noexcept {
-    multiply_transposed(eigen_.vectors(), in, out);
-    for (Index i = 0; i < out.rows(); ++i) {
-      out.row(i) *= regularization_.inverse(std::max(eigen_.values()(i), Scalar(0)));
+  /// `out` = `wanted` V, where `wanted` are the first rows of F and eigen_ is that of FᵀF. Where
+  /// small eigenvalues count, eigen_ is sharpened first: on the bell f' is as large as 1/λ². Answers
+  /// whether that was so.
+  template <class Wanted, class F, class Out>
+  bool rotate_and_refine(const Wanted& wanted, const F& factor, Out&& out) noexcept {
+    if (!(eigen_.values().minCoeff() < regularization_.threshold)) {
+      multiply(wanted, eigen_.vectors(), out.topRows(wanted.rows()));
+      return false;
     }
-    in = out;
-    multiply(eigen_.vectors(), in, out);
+    multiply(factor, eigen_.vectors(), out);
+    eigen_.refine(out);
+    return true;
+  }
+
+  /// out = C f(d) Cᵀ in, C = F V: nothing large is multiplied by something that ought to vanish, as
+  /// it would be in Fᵀ (V f(d) Vᵀ).
+  template <class C, class In, class Out>
+  void apply_rotated(const C& c, const In& in, Out&& out) noexcept {
+    auto s = spectral_.topRows(c.cols());
+    multiply_transposed(c, in, s);
+    scale_rows(s);
+    multiply(c, s, out);
+  }
+
+  /// Row i times f(d_i).
+  template <class S>
+  void scale_rows(S&& s) const noexcept {
+    for (Index i = 0; i < s.rows(); ++i) {
+      s.row(i) *= regularization_.inverse(std::max(eigen_.values()(i), Scalar(0)));
+    }
   }
 
   bool solve_stored() noexcept {
     const Index m = active_;
     const auto bt = bt_.leftCols(m);
+    auto e = e_.topRows(m);
     multiply_transposed(projector, jt_.leftCols(m), bt_.leftCols(m));
     for (Index i = 0; i < m; ++i) {
       bt_.col(i) *= std::sqrt(a_(i));
-      e_.row(i) *= a_(i) * std::sqrt(a_(i));
+      e.row(i) *= a_(i) * std::sqrt(a_(i));
     }
     m_.setZero();
     add_outer_square(bt, Scalar(1), m_);
-    multiply(bt, e_.topRows(m), image_);
-    if (!apply_w()) return false;
-    multiply_transposed(bt, solved_, w_.topRows(m));
-    for (Index i = 0; i < m; ++i) w_.row(i) *= a_(i);  // A^{3/2} W e, since B = A^{1/2} X
+    factor_.topRows(m) = bt.transpose();
+    if (!decompose_w(m)) return false;
+    auto w = w_.topRows(m);
+    apply_rotated(rotated_.topRows(m), e, w);
+    for (Index i = 0; i < m; ++i) w.row(i) *= a_(i);  // A^{3/2} W e, since B = A^{1/2} X
 
     multiply_transposed(bt, bt, gram_.topLeftCorner(m, m));
     if (!eigen_.compute(gram_.topLeftCorner(m, m))) return false;
-    regularized_ = eigen_.values().minCoeff() < regularization_.threshold;
-    apply_function(w_.topRows(m), e_.topRows(m));
-    multiply(bt, e_.topRows(m), image_);
+    auto c = rotated_.topLeftCorner(dof(), m);  // Bᵀ U
+    regularized_ = rotate_and_refine(bt, bt, c);
+    multiply_transposed(eigen_.vectors(), w, e);
+    scale_rows(e);
+    multiply(c, e, image_);
     multiply(projector, image_, increment);
 
     for (Index i = 0; i < m; ++i) inner_.row(i).noalias() = a_(i) * bt.col(i).transpose();
-    apply_function(inner_.topRows(m), scratch_.topRows(m));
-    multiply(projector, bt, jt_.leftCols(m));
-    multiply(jt_.leftCols(m), scratch_.topRows(m), inner_);
+    auto s = scratch_.topRows(m);
+    multiply_transposed(eigen_.vectors(), inner_.topRows(m), s);
+    scale_rows(s);
+    multiply(projector, c, jt_.leftCols(m));
+    multiply(jt_.leftCols(m), s, inner_);
     next_projector_ = projector - inner_;
     return true;
   }
 
   bool solve_summed() noexcept {
     next_projector_ = m_;  // XᵀAX, before η (I − Q)ᵀ(I − Q) is added to it
-    if (!apply_w() || !eigen_.compute(next_projector_)) return false;
+    if (!decompose_w(0)) return false;
+    apply_function(image_, solved_);
+    if (!eigen_.compute(next_projector_)) return false;
     regularized_ = eigen_.values().minCoeff() < regularization_.threshold;
     multiply(gram_, solved_, image_);
     apply_function(image_, solved_);
@@ -176,6 +214,15 @@ class PriorityIteration {
     multiply(projector, inner_, scratch_);
     next_projector_ = projector - scratch_;
     return true;
+  }
+
+  /// out = V f(d) Vᵀ in; `in` is overwritten.
+  template <class In, class Out>
+  void apply_function(In& in, Out& out) noexcept {
+    multiply_transposed(eigen_.vectors(), in, out);
+    scale_rows(out);
+    in = out;
+    multiply(eigen_.vectors(), in, out);
   }
 
   Regularization regularization_;
@@ -187,7 +234,9 @@ class PriorityIteration {
   Coefficients e_, w_;
   Vector<Scalar, N> a_;
   Square m_, gram_, inner_, scratch_, next_projector_;
-  Coefficients image_, solved_;
+  Coefficients image_, solved_, spectral_;
+  static constexpr int twice = add_sizes(N, N);
+  Eigen::Matrix<Scalar, twice, N> factor_, rotated_;
   SymmetricEigen<Scalar, N> eigen_;
 };
 
