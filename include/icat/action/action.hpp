@@ -20,7 +20,9 @@ using PriorityLevel = std::vector<std::reference_wrapper<Task<R>>>;
 /// `Action<Robot> grasp{"grasp", {{joint_limits}, {centering}, {tool}}};`
 template <Robot R>
 struct Action {
+  /// What errors and logs call it.
   std::string name;
+  /// The highest priority first.
   std::vector<PriorityLevel<R>> levels;
 };
 

@@ -18,12 +18,14 @@
 
 namespace icat {
 
+/// Values in [0, 1] that move together from what they are to new targets.
 template <class Scalar>
 class Transition {
  public:
   /// `count` activations, all 0. Allocates; nothing else here does.
   explicit Transition(std::size_t count) : start_(count), target_(count), value_(count) {}
 
+  /// Number of activations.
   std::size_t count() const noexcept { return value_.size(); }
 
   /// All values at once, for the start of a mission: there is nothing to be continuous with.
@@ -60,7 +62,9 @@ class Transition {
     return Status::ok;
   }
 
+  /// The present activations.
   std::span<const Scalar> values() const noexcept { return value_; }
+  /// The last transition is over.
   bool finished() const noexcept { return now_ >= begin_ + duration_; }
 
  private:

@@ -24,10 +24,12 @@ namespace icat {
 /// One task on one unified level, and which actions it is part of there.
 template <Robot R>
 struct HierarchyEntry {
+  /// Never null.
   Task<R>* task;
   std::vector<bool> in_action;  ///< one for each action
 };
 
+/// Levels of entries, the highest priority first.
 template <Robot R>
 using UnifiedHierarchy = std::vector<std::vector<HierarchyEntry<R>>>;
 

@@ -20,6 +20,7 @@
 
 namespace icat {
 
+/// How the two subsystems are coordinated, see the file comment.
 enum class Scheme { whole_body, parallel };
 
 /// Controls a robot whose state the caller keeps up to date before each step. The robot, the tasks
@@ -27,14 +28,20 @@ enum class Scheme { whole_body, parallel };
 template <VehicleManipulator R, class Regularization = BellRegularization<typename R::Scalar>>
 class Controller {
  public:
+  /// Scalar type.
   using Scalar = typename R::Scalar;
+  /// The solver of both TPIKs.
   using Solver = Tpik<Scalar, R::size, Regularization>;
+  /// ẏ, n.
   using Velocity = typename Solver::VectorN;
 
+  /// Settings, with defaults.
   struct Options {
+    /// Used by `step`.
     Scheme scheme{Scheme::whole_body};
     /// Which of surge, sway, heave, roll, pitch, yaw the vehicle can command.
     std::array<bool, 6> actuated{true, true, true, true, true, true};
+    /// Options of both TPIKs.
     typename Solver::Options solver{};
   };
 
@@ -42,6 +49,7 @@ class Controller {
   /// @throws std::invalid_argument on bad options or actions (see `unified_hierarchy`).
   Controller(const R& robot, const std::vector<Action<R>>& actions)
       : Controller(robot, actions, Options{}) {}
+  /// The same with options.
   Controller(const R& robot, const std::vector<Action<R>>& actions, Options options)
       : robot_(robot),
         options_(options),
@@ -132,19 +140,24 @@ class Controller {
 
   /// ẏ = [q̇; v̄]; v̄ with components on ⟨v⟩. Components that are not actuated hold what was measured.
   const Velocity& velocity() const noexcept { return velocity_; }
+  /// q̇ of `velocity`, rad/s or m/s.
   auto joint_velocity() const noexcept { return velocity_.head(robot_.arm_dof()); }
+  /// v̄ of `velocity`, components on ⟨v⟩.
   auto vehicle_velocity() const noexcept { return velocity_.template tail<6>(); }
 
   /// Name of the action that runs or is being entered; empty before `start`.
   std::string_view action() const noexcept {
     return action_ == none ? std::string_view{} : std::string_view{names_[action_]};
   }
+  /// An action is being entered.
   bool in_transition() const noexcept { return action_ != none && !transition_.finished(); }
+  /// The unified hierarchy of the actions.
   const UnifiedHierarchy<R>& hierarchy() const noexcept { return hierarchy_; }
   /// aᵖ of every entry of the hierarchy, level by level.
   std::span<const Scalar> phase_activations() const noexcept { return transition_.values(); }
   /// Reports of the two solvers; levels are those of `hierarchy`.
   const TpikReport<Scalar>& report() const noexcept { return vehicle_tpik_.report(); }
+  /// Report of TPIK 2.
   const TpikReport<Scalar>& arm_report() const noexcept { return arm_tpik_.report(); }
 
  private:

@@ -15,6 +15,7 @@ namespace icat {
 
 using Eigen::Index;
 
+/// Column vector of `N` components.
 template <class Scalar, int N>
 using Vector = Eigen::Matrix<Scalar, N, 1>;
 
@@ -22,12 +23,16 @@ using Vector = Eigen::Matrix<Scalar, N, 1>;
 template <class Scalar, int N = Eigen::Dynamic>
 using JacobianMatrix = Eigen::Matrix<Scalar, Eigen::Dynamic, N>;
 
+/// Three components.
 template <class Scalar>
 using Vector3 = Vector<Scalar, 3>;
+/// Six components, [linear; angular].
 template <class Scalar>
 using Vector6 = Vector<Scalar, 6>;
+/// 3 × 3.
 template <class Scalar>
 using Matrix3 = Eigen::Matrix<Scalar, 3, 3>;
+/// 6 × 6.
 template <class Scalar>
 using Matrix6 = Eigen::Matrix<Scalar, 6, 6>;
 

@@ -44,9 +44,11 @@ struct BellRegularization {
   Scalar lambda{Scalar(1e-4)};    ///< height of the bell, > 0
   Scalar threshold{Scalar(1e-2)};  ///< σ_t, > 0: singular values from here on are inverted exactly
 
+  /// Regularized inverse of σ ≥ 0.
   Scalar inverse(Scalar sigma) const noexcept {
     return Scalar(1) / (sigma + detail::bell(sigma, lambda, threshold));
   }
+  /// @throws std::invalid_argument unless both parameters are finite and > 0.
   void validate() const {
     detail::require_positive("BellRegularization", "lambda", lambda);
     detail::require_positive("BellRegularization", "threshold", threshold);
@@ -59,10 +61,12 @@ struct DampedBellRegularization {
   Scalar lambda{Scalar(1e-4)};    ///< height of the bell, > 0
   Scalar threshold{Scalar(1e-2)};  ///< σ_t, > 0
 
+  /// Regularized inverse of σ ≥ 0.
   Scalar inverse(Scalar sigma) const noexcept {
     if (!(sigma < threshold)) return Scalar(1) / sigma;
     return sigma / (sigma * sigma + detail::bell(sigma, lambda, threshold));
   }
+  /// @throws std::invalid_argument unless both parameters are finite and > 0.
   void validate() const {
     detail::require_positive("DampedBellRegularization", "lambda", lambda);
     detail::require_positive("DampedBellRegularization", "threshold", threshold);

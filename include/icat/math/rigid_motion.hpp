@@ -108,12 +108,17 @@ Pose<Scalar> integrate(const Pose<Scalar>& pose, const Vector6<Scalar>& twist, S
 /// everywhere; the gradient of θ is 0 at θ = 0 and π, where θ has a kink.
 template <class Scalar>
 struct Misalignment {
+  /// θ, rad.
   Scalar angle;
+  /// ∂θ/∂d.
   Eigen::Matrix<Scalar, 1, 3> angle_gradient;
+  /// (ξ_x, ξ_y), rad.
   Vector<Scalar, 2> vector;
+  /// ∂ξ/∂d.
   Eigen::Matrix<Scalar, 2, 3> vector_gradient;
 };
 
+/// See `Misalignment`. `d` has unit length. No allocation.
 template <class Scalar>
 Misalignment<Scalar> misalignment_from_z(const Vector3<Scalar>& d) noexcept {
   constexpr Scalar pi = std::numbers::pi_v<Scalar>;

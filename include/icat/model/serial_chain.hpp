@@ -23,15 +23,19 @@
 
 namespace icat {
 
+/// Turns about its axis, or slides along it.
 enum class JointType { revolute, prismatic };
 
 /// One joint, at q = 0, components on ⟨b⟩. Positions and limits in rad or m.
 template <class Scalar>
 struct Joint {
+  /// Kind of joint.
   JointType type{JointType::revolute};
   Vector3<Scalar> axis{Vector3<Scalar>::UnitZ()};  ///< unit length
   Vector3<Scalar> point{Vector3<Scalar>::Zero()};  ///< any point on the axis
+  /// Lower limit; none by default.
   Scalar lower{-std::numeric_limits<Scalar>::infinity()};
+  /// Upper limit; none by default.
   Scalar upper{std::numeric_limits<Scalar>::infinity()};
 };
 
@@ -44,6 +48,7 @@ struct ChainState {
   Eigen::Matrix<Scalar, 6, Dof> jacobian;    ///< rows [linear; angular], at the origin of ⟨e⟩
 };
 
+/// μ and its gradient.
 template <class Scalar, int Dof>
 struct Manipulability {
   Scalar value;                            ///< μ
@@ -56,8 +61,11 @@ class SerialChain {
   static_assert(Dof >= 1, "the number of joints is known at compile time");
 
  public:
+  /// Joint positions or velocities.
   using VectorQ = Vector<Scalar, Dof>;
+  /// What `state` returns.
   using State = ChainState<Scalar, Dof>;
+  /// From base to end-effector.
   using Joints = std::array<Joint<Scalar>, static_cast<std::size_t>(Dof)>;
 
   /// @param joints        from base to end-effector
@@ -88,8 +96,11 @@ class SerialChain {
     }
   }
 
+  /// Degrees of freedom.
   static constexpr Index dof() noexcept { return Dof; }
+  /// Lower joint limits, rad or m.
   const VectorQ& lower_limits() const noexcept { return lower_; }
+  /// Upper joint limits, rad or m.
   const VectorQ& upper_limits() const noexcept { return upper_; }
 
   /// Everything at once, for `q` (Dof).
@@ -149,6 +160,7 @@ class SerialChain {
   Manipulability<Scalar, Dof> manipulability(const VectorQ& q) const noexcept {
     return manipulability(state(q));
   }
+  /// The same for a state at hand.
   Manipulability<Scalar, Dof> manipulability(const State& s) const noexcept {
     constexpr int side = Dof < 6 ? Dof : 6;
     const auto& J = s.jacobian;

@@ -25,13 +25,20 @@ enum class Frame { world, vehicle, tool };
 template <class ScalarType, int ArmDof>
 class Uvms {
  public:
+  /// Scalar type.
   using Scalar = ScalarType;
+  /// The arm's kinematics.
   using Arm = SerialChain<Scalar, ArmDof>;
+  /// Joint positions or velocities.
   using VectorQ = Vector<Scalar, ArmDof>;
+  /// Degrees of freedom at compile time.
   static constexpr int size = ArmDof + 6;
+  /// 6 × size.
   using ToolJacobian = Eigen::Matrix<Scalar, 6, size>;
 
+  /// What the robot is made of.
   struct Description {
+    /// The arm.
     Arm arm;
     Pose<Scalar> arm_mount{Pose<Scalar>::Identity()};  ///< arm base ⟨b⟩ in ⟨v⟩
     Pose<Scalar> camera{Pose<Scalar>::Identity()};     ///< ⟨c⟩ in ⟨v⟩; looks along its z axis
@@ -50,9 +57,13 @@ class Uvms {
     compute(VectorQ::Zero(), Pose<Scalar>::Identity());
   }
 
+  /// Degrees of freedom.
   static constexpr Index dof() noexcept { return size; }
+  /// Number of joints.
   static constexpr Index arm_dof() noexcept { return ArmDof; }
+  /// As given at construction.
   const Description& description() const noexcept { return description_; }
+  /// The arm.
   const Arm& arm() const noexcept { return description_.arm; }
 
   /// New state: joint positions (rad, m) and pose of ⟨v⟩ in ⟨0⟩. NaN or infinity: refused, the state
@@ -63,6 +74,7 @@ class Uvms {
     return Status::ok;
   }
 
+  /// Joint positions, rad or m.
   const VectorQ& q() const noexcept { return q_; }
   /// ⟨v⟩ in ⟨0⟩.
   const Pose<Scalar>& vehicle() const noexcept { return vehicle_; }
@@ -72,6 +84,7 @@ class Uvms {
   Pose<Scalar> camera() const noexcept { return vehicle_ * description_.camera; }
   /// The arm, components on ⟨b⟩.
   const typename Arm::State& arm_state() const noexcept { return arm_state_; }
+  /// μ and ∂μ/∂q at the present state.
   Manipulability<Scalar, ArmDof> manipulability() const noexcept {
     return description_.arm.manipulability(arm_state_);
   }

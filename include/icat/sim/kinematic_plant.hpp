@@ -17,10 +17,13 @@
 
 namespace icat {
 
+/// State and integration, see the file comment.
 template <class Scalar, int ArmDof>
 class KinematicPlant {
  public:
+  /// Joint positions or velocities.
   using VectorQ = Vector<Scalar, ArmDof>;
+  /// Settings, with defaults.
   struct Options {
     VectorQ q{VectorQ::Zero()};                          ///< at the start, rad or m
     Pose<Scalar> vehicle{Pose<Scalar>::Identity()};      ///< ⟨v⟩ in ⟨0⟩ at the start
@@ -59,6 +62,7 @@ class KinematicPlant {
     vehicle_ = integrate(vehicle_, velocity_, dt);
   }
 
+  /// Joint positions, rad or m.
   const VectorQ& q() const noexcept { return q_; }
   /// ⟨v⟩ in ⟨0⟩.
   const Pose<Scalar>& vehicle() const noexcept { return vehicle_; }

@@ -19,20 +19,27 @@ namespace icat::task {
 template <VehicleManipulator R>
 class CameraCentering : public Task<R> {
  public:
+  /// Scalar type.
   using Scalar = typename R::Scalar;
+  /// Settings, with defaults.
   struct Options {
+    /// What errors and logs call it.
     std::string name = "camera centering";
     Vector3<Scalar> target{Vector3<Scalar>::Zero()};  ///< components on ⟨0⟩, m
+    /// Given: the norm form with this objective. Not given: the component form.
     std::optional<Objective<Scalar>> norm{};
+    /// γ, 1/s, > 0.
     Scalar gain{1};
     Scalar max_rate{std::numeric_limits<Scalar>::infinity()};  ///< rad/s
   };
 
+  /// @throws std::invalid_argument on settings out of range. Allocates.
   CameraCentering(const R& robot, Options options)
       : Task<R>(options.name, options.norm ? 1 : 2, robot.dof()), options_(options) {
     this->require_gain(options.gain);
     this->require_rate("max_rate", options.max_rate);
   }
+  /// New target, components on ⟨0⟩, m.
   void set_target(const Vector3<Scalar>& target) noexcept { options_.target = target; }
 
  private:
@@ -77,16 +84,21 @@ class CameraCentering : public Task<R> {
 template <VehicleManipulator R>
 class CameraOcclusion : public Task<R> {
  public:
+  /// Scalar type.
   using Scalar = typename R::Scalar;
+  /// Settings, with defaults.
   struct Options {
+    /// What errors and logs call it.
     std::string name = "camera occlusion";
     Index elbow_joint;     ///< the joint whose point is the elbow
     Scalar minimum_angle;  ///< half the opening of the cone, rad
     Scalar margin;         ///< rad
+    /// γ, 1/s, > 0.
     Scalar gain{1};
     Scalar max_rate{std::numeric_limits<Scalar>::infinity()};  ///< rad/s
   };
 
+  /// @throws std::invalid_argument on settings out of range. Allocates.
   CameraOcclusion(const R& robot, Options options)
       : Task<R>(options.name, 1, robot.dof()),
         options_(options),

@@ -14,21 +14,29 @@ namespace icat::task {
 template <Robot R>
 class FunctionTask : public Task<R> {
  public:
+  /// Scalar type.
   using Scalar = typename R::Scalar;
   using typename Task<R>::Jacobian;
   using typename Task<R>::Rows;
   /// Fills x (rows) and J (rows × dof; zero at the first call, then as it was left). Called in the
   /// control step: must not throw, should not allocate.
   using Function = std::function<void(const R& robot, Rows& x, Jacobian& J)>;
+  /// Settings, with defaults.
   struct Options {
+    /// What errors and logs call it.
     std::string name;
+    /// Number of rows.
     Index rows{1};
+    /// Fills x and J.
     Function evaluate;
+    /// Of every row.
     Objective<Scalar> objective;
+    /// γ, 1/s, > 0.
     Scalar gain{1};
     Scalar max_rate{std::numeric_limits<Scalar>::infinity()};  ///< of each row
   };
 
+  /// @throws std::invalid_argument on settings out of range. Allocates.
   FunctionTask(const R& robot, Options options)
       : Task<R>(options.name, options.rows, robot.dof()),
         options_(options),

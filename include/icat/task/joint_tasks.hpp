@@ -16,15 +16,20 @@ namespace icat::task {
 template <VehicleManipulator R>
 class JointLimits : public Task<R> {
  public:
+  /// Scalar type.
   using Scalar = typename R::Scalar;
+  /// Settings, with defaults.
   struct Options {
+    /// What errors and logs call it.
     std::string name = "joint limits";
     Scalar margin{static_cast<Scalar>(0.1)};  ///< β, rad or m
     Scalar gain{1};                           ///< γ, 1/s
     Scalar max_rate{std::numeric_limits<Scalar>::infinity()};  ///< rad/s, m/s
   };
 
+  /// @throws std::invalid_argument on settings out of range. Allocates.
   explicit JointLimits(const R& robot) : JointLimits(robot, Options{}) {}
+  /// @throws std::invalid_argument on settings out of range. Allocates.
   JointLimits(const R& robot, Options options)
       : Task<R>(options.name, robot.arm_dof(), robot.dof()), options_(options) {
     this->require_gain(options.gain);
@@ -52,15 +57,21 @@ class JointLimits : public Task<R> {
 template <VehicleManipulator R>
 class Manipulability : public Task<R> {
  public:
+  /// Scalar type.
   using Scalar = typename R::Scalar;
+  /// Settings, with defaults.
   struct Options {
+    /// What errors and logs call it.
     std::string name = "manipulability";
     Scalar minimum;  ///< μ_m, in the unit of μ (m³ for a revolute arm of six joints or more)
     Scalar margin;   ///< Δ of [MARIS, Eq. (16)]
+    /// γ, 1/s, > 0.
     Scalar gain{1};
+    /// Largest reference rate, in the unit of x per second.
     Scalar max_rate{std::numeric_limits<Scalar>::infinity()};
   };
 
+  /// @throws std::invalid_argument on settings out of range. Allocates.
   Manipulability(const R& robot, Options options)
       : Task<R>(options.name, 1, robot.dof()),
         options_(options),
@@ -85,16 +96,23 @@ class Manipulability : public Task<R> {
 template <VehicleManipulator R>
 class PreferredShape : public Task<R> {
  public:
+  /// Scalar type.
   using Scalar = typename R::Scalar;
+  /// Joint positions or velocities.
   using VectorQ = typename R::VectorQ;
+  /// Settings, with defaults.
   struct Options {
+    /// What errors and logs call it.
     std::string name = "preferred shape";
     VectorQ shape;  ///< q*, rad or m
+    /// Given: the norm form with this objective. Not given: the component form.
     std::optional<Objective<Scalar>> norm{};
+    /// γ, 1/s, > 0.
     Scalar gain{1};
     Scalar max_rate{std::numeric_limits<Scalar>::infinity()};  ///< of ‖q̇‖
   };
 
+  /// @throws std::invalid_argument on settings out of range. Allocates.
   PreferredShape(const R& robot, Options options)
       : Task<R>(options.name, options.norm ? 1 : robot.arm_dof(), robot.dof()), options_(options) {
     this->require_gain(options.gain);
@@ -126,6 +144,7 @@ class PreferredShape : public Task<R> {
 template <VehicleManipulator R>
 class ArmMotionMinimality : public Task<R> {
  public:
+  /// @throws std::invalid_argument on settings out of range. Allocates.
   explicit ArmMotionMinimality(const R& robot, std::string name = "arm motion minimality")
       : Task<R>(std::move(name), robot.arm_dof(), robot.dof()) {
     this->jacobian_.leftCols(robot.arm_dof()).setIdentity();

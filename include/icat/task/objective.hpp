@@ -19,6 +19,7 @@
 
 namespace icat {
 
+/// One scalar objective, see the file comment. Immutable; only construction throws.
 template <class Scalar>
 class Objective {
  public:
@@ -63,6 +64,7 @@ class Objective {
   }
   /// x*.
   Scalar target() const noexcept { return target_; }
+  /// Whether the objective holds at x.
   bool satisfied(Scalar x) const noexcept {
     return equality_ ? x == target_ : x >= lower_ && x <= upper_;
   }

@@ -21,10 +21,13 @@ namespace icat::task {
 /// Objectives of the norm form, such as `{at_most(0.2, 0.1), at_most(0.1, 0.05)}` (m, rad).
 template <class Scalar>
 struct PoseNorms {
+  /// On ‖r‖, m.
   Objective<Scalar> position{Objective<Scalar>::equal_to(Scalar(0))};
+  /// On ‖ϑ‖, rad.
   Objective<Scalar> orientation{Objective<Scalar>::equal_to(Scalar(0))};
 };
 
+/// Settings of the pose tasks.
 template <class Scalar>
 struct PoseTaskOptions {
   std::string name{};                              ///< empty: the task's own
@@ -39,14 +42,18 @@ struct PoseTaskOptions {
 template <VehicleManipulator R, bool Linear, bool Angular>
 class PoseTask : public Task<R> {
  public:
+  /// Scalar type.
   using Scalar = typename R::Scalar;
+  /// Settings.
   using Options = PoseTaskOptions<Scalar>;
 
   /// A goal that is not finite makes the level be refused until there is a good one.
   void set_goal(const Pose<Scalar>& goal) noexcept { options_.goal = goal; }
+  /// Of the frame, in ⟨0⟩.
   const Pose<Scalar>& goal() const noexcept { return options_.goal; }
 
  protected:
+  /// @throws std::invalid_argument on settings out of range. Allocates.
   PoseTask(const R& robot, const Options& options, const char* name)
       : Task<R>(options.name.empty() ? name : options.name,
                 (Linear + Angular) * (options.norms ? 1 : 3), robot.dof()),
@@ -106,6 +113,7 @@ class PoseTask : public Task<R> {
 template <VehicleManipulator R>
 class ToolPose : public PoseTask<R, true, true> {
  public:
+  /// @throws std::invalid_argument on settings out of range. Allocates.
   ToolPose(const R& robot, const PoseTaskOptions<typename R::Scalar>& options)
       : PoseTask<R, true, true>(robot, options, "tool pose") {}
 
@@ -119,6 +127,7 @@ class ToolPose : public PoseTask<R, true, true> {
 template <VehicleManipulator R>
 class ToolPosition : public PoseTask<R, true, false> {
  public:
+  /// @throws std::invalid_argument on settings out of range. Allocates.
   ToolPosition(const R& robot, const PoseTaskOptions<typename R::Scalar>& options)
       : PoseTask<R, true, false>(robot, options, "tool position") {}
 
@@ -132,6 +141,7 @@ class ToolPosition : public PoseTask<R, true, false> {
 template <VehicleManipulator R>
 class ToolOrientation : public PoseTask<R, false, true> {
  public:
+  /// @throws std::invalid_argument on settings out of range. Allocates.
   ToolOrientation(const R& robot, const PoseTaskOptions<typename R::Scalar>& options)
       : PoseTask<R, false, true>(robot, options, "tool orientation") {}
 
@@ -145,6 +155,7 @@ class ToolOrientation : public PoseTask<R, false, true> {
 template <VehicleManipulator R>
 class VehiclePose : public PoseTask<R, true, true> {
  public:
+  /// @throws std::invalid_argument on settings out of range. Allocates.
   VehiclePose(const R& robot, const PoseTaskOptions<typename R::Scalar>& options)
       : PoseTask<R, true, true>(robot, options, "vehicle pose"),
         jacobian_world_(6, robot.dof()) {

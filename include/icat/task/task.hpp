@@ -22,15 +22,20 @@ namespace icat {
 template <Robot R>
 class Task {
  public:
+  /// Scalar type.
   using Scalar = typename R::Scalar;
+  /// rows × dof.
   using Jacobian = JacobianMatrix<Scalar, R::size>;
+  /// One component for each row.
   using Rows = Vector<Scalar, Eigen::Dynamic>;
 
   virtual ~Task() = default;
   Task(const Task&) = delete;
   Task& operator=(const Task&) = delete;
 
+  /// What errors and logs call it.
   const std::string& name() const noexcept { return name_; }
+  /// Number of rows.
   Index rows() const noexcept { return reference_.size(); }
 
   /// Reads the robot's present state.
@@ -44,6 +49,7 @@ class Task {
   const Rows& activation() const noexcept { return activation_; }
 
  protected:
+  /// Rows are active, all else 0.
   Task(std::string name, Index rows, Index dof)
       : jacobian_(Jacobian::Zero(rows, dof)),
         reference_(Rows::Zero(rows)),
@@ -55,11 +61,13 @@ class Task {
 
   /// Throws with this task's name unless γ > 0 and the rate limit > 0 (infinity: none).
   void require_gain(Scalar gain) const { require_above_zero("gain", gain); }
+  /// @throws std::invalid_argument with this task's name unless `rate` > 0; infinity is fine.
   void require_rate(const char* what, Scalar rate) const {
     if (!(rate > Scalar(0))) {
       detail::invalid("task '", name_, "': ", what, " must be > 0, got ", rate);
     }
   }
+  /// @throws std::invalid_argument with this task's name unless `value` is finite and > 0.
   void require_above_zero(const char* what, Scalar value) const {
     if (!(value > Scalar(0)) || !std::isfinite(value)) {
       detail::invalid("task '", name_, "': ", what, " must be > 0, got ", value);
@@ -81,8 +89,11 @@ class Task {
     reference_.segment(i, error.size()) = (scale * gain) * error;
   }
 
+  /// J, rows × dof.
   Jacobian jacobian_;
+  /// ẋ̄, rows.
   Rows reference_;
+  /// aⁱ, rows.
   Rows activation_;
 
  private:

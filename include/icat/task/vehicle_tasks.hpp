@@ -18,15 +18,21 @@ namespace icat::task {
 template <VehicleManipulator R>
 class HorizontalAttitude : public Task<R> {
  public:
+  /// Scalar type.
   using Scalar = typename R::Scalar;
+  /// Settings, with defaults.
   struct Options {
+    /// What errors and logs call it.
     std::string name = "horizontal attitude";
     std::optional<Objective<Scalar>> norm{};  ///< rad
+    /// γ, 1/s, > 0.
     Scalar gain{1};
     Scalar max_rate{std::numeric_limits<Scalar>::infinity()};  ///< rad/s
   };
 
+  /// @throws std::invalid_argument on settings out of range. Allocates.
   explicit HorizontalAttitude(const R& robot) : HorizontalAttitude(robot, Options{}) {}
+  /// @throws std::invalid_argument on settings out of range. Allocates.
   HorizontalAttitude(const R& robot, Options options)
       : Task<R>(options.name, options.norm ? 1 : 2, robot.dof()), options_(options) {
     this->require_gain(options.gain);
@@ -58,16 +64,21 @@ class HorizontalAttitude : public Task<R> {
 template <VehicleManipulator R>
 class VehicleDistance : public Task<R> {
  public:
+  /// Scalar type.
   using Scalar = typename R::Scalar;
+  /// Settings, with defaults.
   struct Options {
+    /// What errors and logs call it.
     std::string name = "vehicle distance";
     Vector3<Scalar> other;  ///< origin of the other vehicle's frame, components on ⟨0⟩, m
     Scalar minimum;         ///< d_m, m
     Scalar margin;          ///< m
+    /// γ, 1/s, > 0.
     Scalar gain{1};
     Scalar max_rate{std::numeric_limits<Scalar>::infinity()};  ///< m/s
   };
 
+  /// @throws std::invalid_argument on settings out of range. Allocates.
   VehicleDistance(const R& robot, Options options)
       : Task<R>(options.name, 1, robot.dof()),
         options_(options),
@@ -75,6 +86,7 @@ class VehicleDistance : public Task<R> {
     this->require_gain(options.gain);
     this->require_rate("max_rate", options.max_rate);
   }
+  /// New position of the other vehicle, components on ⟨0⟩, m.
   void set_other(const Vector3<Scalar>& position) noexcept { options_.other = position; }
 
  private:
@@ -95,6 +107,7 @@ class VehicleDistance : public Task<R> {
 template <VehicleManipulator R>
 class VehicleMotionMinimality : public Task<R> {
  public:
+  /// @throws std::invalid_argument on settings out of range. Allocates.
   explicit VehicleMotionMinimality(const R& robot, std::string name = "vehicle motion minimality")
       : Task<R>(std::move(name), 6, robot.dof()) {
     this->jacobian_.template rightCols<6>().setIdentity();
@@ -109,8 +122,9 @@ class VehicleMotionMinimality : public Task<R> {
 template <VehicleManipulator R>
 class NonActuatedVelocity : public Task<R> {
  public:
+  /// Scalar type.
   using Scalar = typename R::Scalar;
-  /// @param actuated  which of surge, sway, heave, roll, pitch, yaw the vehicle can command
+  /// `actuated`: which of surge, sway, heave, roll, pitch, yaw the vehicle can command.
   NonActuatedVelocity(const R& robot, const std::array<bool, 6>& actuated,
                       std::string name = "non-actuated velocity")
       : Task<R>(std::move(name), 6, robot.dof()) {

@@ -26,31 +26,42 @@ template <std::floating_point Scalar, int N = Eigen::Dynamic, int Parameters = 6
           RegularizationPolicy<Scalar> Regularization = BellRegularization<Scalar>>
 class ParametricTpik {
  public:
+  /// Velocity, n.
   using VectorN = Vector<Scalar, N>;
+  /// n × n.
   using SquareN = Eigen::Matrix<Scalar, N, N>;
+  /// N × Parameters.
   using ParameterMatrix = Eigen::Matrix<Scalar, N, Parameters>;
 
+  /// Settings, with defaults.
   struct Options {
+    /// Policy and its parameters.
     Regularization regularization{};
     Scalar projection_weight{1};  ///< η of Eq. (20), > 0
   };
 
-  /// @throws std::invalid_argument on parameters out of range. Allocates if `N` is dynamic.
+  /// Static size, default options. All constructors throw `std::invalid_argument` on parameters out
+  /// of range.
   ParametricTpik()
     requires(N != Eigen::Dynamic)
       : ParametricTpik(N, Options{}, 0) {}
+  /// Static size. Throws as above. No allocation.
   explicit ParametricTpik(const Options& options)
     requires(N != Eigen::Dynamic)
       : ParametricTpik(N, options, 0) {}
+  /// Dynamic size, default options. Throws as above. Allocates.
   explicit ParametricTpik(Index arm_dof)
     requires(N == Eigen::Dynamic)
       : ParametricTpik(arm_dof, Options{}, 0) {}
+  /// Dynamic size. Throws as above. Allocates.
   ParametricTpik(Index arm_dof, const Options& options)
     requires(N == Eigen::Dynamic)
       : ParametricTpik(arm_dof, options, 0) {}
 
+  /// Number of joints.
   Index arm_dof() const noexcept { return law_.rows(); }
 
+  /// ρ̃ = 0, P = 0, Q = I. No allocation.
   void reset() noexcept {
     law_.setZero();
     iteration_.projector.setIdentity();
@@ -113,7 +124,9 @@ class ParametricTpik {
   auto P() const noexcept { return law_.template rightCols<Parameters>(); }
   /// q̇ = ρ̃ + P v. `v` in the frame of the Jacobian's last columns (⟨v⟩ for a vehicle).
   VectorN evaluate(const Vector<Scalar, Parameters>& v) const noexcept { return rho() + P() * v; }
+  /// Q over the arm's columns, N × N.
   const SquareN& projector() const noexcept { return iteration_.projector; }
+  /// Since the last reset.
   const TpikReport<Scalar>& report() const noexcept { return report_; }
 
  private:

@@ -15,6 +15,7 @@ namespace icat {
 /// over the level's rows, each weighted by its activation, taken right after the level was solved.
 template <class Scalar>
 struct LevelReport {
+  /// Number of rows.
   Index rows{0};
   Index active_rows{0};          ///< rows with activation > 0
   bool regularized{false};       ///< a singular value of the level's `XᵀAX` lay below the threshold
@@ -30,6 +31,7 @@ struct LevelReport {
 template <class Scalar>
 class TpikReport {
  public:
+  /// Most levels that are listed.
   static constexpr Index capacity = 64;
 
   /// All levels listed, including a refused one.
@@ -38,19 +40,24 @@ class TpikReport {
   }
   /// `ok`, or the status of the first refused level; with its index and row (−1: none).
   Status status() const noexcept { return status_; }
+  /// Index of the first refused level, −1: none.
   Index failed_level() const noexcept { return failed_level_; }
+  /// Its first row at fault, −1: no single one.
   Index failed_row() const noexcept { return failed_row_; }
 
+  /// For the solver: forgets all.
   void clear() noexcept {
     listed_ = count_ = 0;
     status_ = Status::ok;
     failed_level_ = failed_row_ = -1;
   }
+  /// For the solver: one level more.
   void add(const LevelReport<Scalar>& level) noexcept {
     if (level.status != Status::ok) fail(level.status, count_, level.bad_row);
     if (listed_ < capacity) levels_[static_cast<std::size_t>(listed_++)] = level;
     ++count_;
   }
+  /// For the solver: keeps the first failure.
   void fail(Status status, Index level, Index row) noexcept {
     if (status_ != Status::ok) return;
     status_ = status;

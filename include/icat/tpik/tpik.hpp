@@ -27,30 +27,41 @@ template <std::floating_point Scalar, int N = Eigen::Dynamic,
           RegularizationPolicy<Scalar> Regularization = BellRegularization<Scalar>>
 class Tpik {
  public:
+  /// Velocity, n.
   using VectorN = Vector<Scalar, N>;
+  /// n × n.
   using SquareN = Eigen::Matrix<Scalar, N, N>;
 
+  /// Settings, with defaults.
   struct Options {
+    /// Policy and its parameters.
     Regularization regularization{};
     Scalar projection_weight{1};  ///< η of Eq. (20), > 0; the paper has 1
+    /// None by default.
     std::optional<VelocityBounds<Scalar, N>> bounds{};
   };
 
-  /// @throws std::invalid_argument on parameters out of range. Allocates if `N` is dynamic.
+  /// Static size, default options. All constructors throw `std::invalid_argument` on parameters out
+  /// of range.
   Tpik()
     requires(N != Eigen::Dynamic)
       : Tpik(N, Options{}, 0) {}
+  /// Static size. Throws as above. No allocation.
   explicit Tpik(const Options& options)
     requires(N != Eigen::Dynamic)
       : Tpik(N, options, 0) {}
+  /// Dynamic size, default options. Throws as above. Allocates.
   explicit Tpik(Index dof)
     requires(N == Eigen::Dynamic)
       : Tpik(dof, Options{}, 0) {}
+  /// Dynamic size. Throws as above. Allocates.
   Tpik(Index dof, const Options& options)
     requires(N == Eigen::Dynamic)
       : Tpik(dof, options, 0) {}
 
+  /// Degrees of freedom.
   Index dof() const noexcept { return rho_.size(); }
+  /// As given at construction.
   const Options& options() const noexcept { return options_; }
 
   /// ρ₀ = 0, Q₀ = I. No allocation.
@@ -129,6 +140,7 @@ class Tpik {
   const VectorN& velocity() const noexcept { return rho_; }
   /// Q after the last `add_level`, n × n: what the levels so far leave to those below.
   const SquareN& projector() const noexcept { return iteration_.projector; }
+  /// Since the last reset.
   const TpikReport<Scalar>& report() const noexcept { return report_; }
 
  private:

@@ -20,7 +20,9 @@ namespace icat {
 /// free.
 template <class Scalar, int N = Eigen::Dynamic>
 struct VelocityBounds {
+  /// n, each ≤ 0
   Vector<Scalar, N> lower;
+  /// n, each ≥ 0
   Vector<Scalar, N> upper;
 
   /// Throws `std::invalid_argument` unless both have `dof` components and hold 0 between them.
