@@ -26,8 +26,7 @@ struct Grasp {
     goal.translation() += icat::Vector3<double>(0.2, 0.1, 0.1);
     using namespace icat::task;
     const auto add = [&](auto task) { tasks.push_back(std::move(task)); };
-    add(std::make_unique<JointLimits<Robot>>(robot,
-                                             JointLimits<Robot>::Options{.margin = 0.3}));
+    add(std::make_unique<JointLimits<Robot>>(robot, JointLimits<Robot>::Options{.margin = 0.3}));
     add(std::make_unique<VehicleDistance<Robot>>(
         robot, VehicleDistance<Robot>::Options{.other = {2, 0, 0}, .minimum = 1, .margin = 0.3}));
     add(std::make_unique<Manipulability<Robot>>(

@@ -2,10 +2,10 @@
 // The unified hierarchy and the transitions between actions.
 #include <gtest/gtest.h>
 
+#include <deque>
 #include <icat/action/transition.hpp>
 #include <icat/action/unified_hierarchy.hpp>
 #include <icat/task/function_task.hpp>
-#include <deque>
 #include <random>
 
 namespace {
@@ -29,10 +29,10 @@ class Tasks {
     for (auto& t : tasks_) {
       if (t.name() == name) return t;
     }
-    return tasks_.emplace_back(
-        Archetype{}, Task::Options{.name = name,
-                                   .evaluate = [](const Archetype&, auto&, auto&) {},
-                                   .objective = icat::Objective<double>::equal_to(0)});
+    return tasks_.emplace_back(Archetype{},
+                               Task::Options{.name = name,
+                                             .evaluate = [](const Archetype&, auto&, auto&) {},
+                                             .objective = icat::Objective<double>::equal_to(0)});
   }
   /// "A < D < C,E"
   Action action(const std::string& name, const std::string& list) {
@@ -88,7 +88,8 @@ std::string text(const Action& a) {
 
 TEST(UnifiedHierarchy, ThePapersExample) {
   Tasks tasks;
-  const std::vector<Action> actions{tasks.action("P1", "A < B,C,D"), tasks.action("P2", "A < D < C,E")};
+  const std::vector<Action> actions{tasks.action("P1", "A < B,C,D"),
+                                    tasks.action("P2", "A < D < C,E")};
   const Hierarchy h = icat::unified_hierarchy(actions);
   EXPECT_EQ(text(h), "A < D < B,C,D,E");
   EXPECT_EQ(extracted(h, 0), "A < B,C,D");
@@ -107,11 +108,12 @@ TEST(UnifiedHierarchy, ConflictingOrdersDuplicateATask) {
 
 TEST(UnifiedHierarchy, ConsistentOrdersNeedEachTaskOnce) {
   Tasks tasks;
-  const Hierarchy h = icat::unified_hierarchy<Archetype>(
-      {tasks.action("navigate", "J < D < M < H < V < a"), tasks.action("grasp", "J < D < M < C < H < T < v"),
-       tasks.action("lift", "J < D < M < H < T < a")});
+  const Hierarchy h =
+      icat::unified_hierarchy<Archetype>({tasks.action("navigate", "J < D < M < H < V < a"),
+                                          tasks.action("grasp", "J < D < M < C < H < T < v"),
+                                          tasks.action("lift", "J < D < M < H < T < a")});
   EXPECT_EQ(entries(h), 9u);  // J D M C H V T a v
-  EXPECT_EQ(h.size(), 7u);  // the longest action's: tasks that never meet share a level
+  EXPECT_EQ(h.size(), 7u);    // the longest action's: tasks that never meet share a level
   EXPECT_EQ(extracted(h, 0), "J < D < M < H < V < a");
   EXPECT_EQ(extracted(h, 1), "J < D < M < C < H < T < v");
   EXPECT_EQ(extracted(h, 2), "J < D < M < H < T < a");
@@ -176,8 +178,7 @@ TEST(UnifiedHierarchy, BadActionsThrow) {
   EXPECT_EQ(message({}), "unified_hierarchy: there are no actions");
   EXPECT_EQ(message({tasks.action("x", "A"), tasks.action("x", "B")}),
             "unified_hierarchy: two actions are called 'x'");
-  EXPECT_EQ(message({tasks.action("x", "A < B < A")}),
-            "action 'x': task 'A' stands in it twice");
+  EXPECT_EQ(message({tasks.action("x", "A < B < A")}), "action 'x': task 'A' stands in it twice");
   EXPECT_EQ(message({tasks.action("x", "A < < B")}), "action 'x': level 1 has no tasks");
   EXPECT_EQ(message(std::vector<Action>(17)), "unified_hierarchy: at most 16 actions, got 17");
 }

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // No heap allocation after construction, in whatever build type this is compiled.
-#include "support/allocation_counter.hpp"
-
 #include <gtest/gtest.h>
 
 #include <icat/icat.hpp>
 #include <memory>
 
+#include "support/allocation_counter.hpp"
 #include "support/random_hierarchy.hpp"
 
 namespace {

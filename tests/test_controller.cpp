@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The kinematic layer and the kinematic plant.
-#include "support/allocation_counter.hpp"
-
 #include <gtest/gtest.h>
 
 #include <icat/icat.hpp>
 
+#include "support/allocation_counter.hpp"
 #include "support/states.hpp"
 
 namespace {
@@ -52,7 +51,8 @@ class ControllerTest : public testing::Test {
   Vector13d solve(const Vector13d& rho0, const Eigen::Matrix<double, 13, 13>& Q0) {
     icat::Tpik<double, 13> tpik;
     EXPECT_EQ(tpik.reset(rho0, Q0), Status::ok);
-    for (icat::Task<Robot>* t : std::initializer_list<icat::Task<Robot>*>{&limits, &attitude, &tool}) {
+    for (icat::Task<Robot>* t :
+         std::initializer_list<icat::Task<Robot>*>{&limits, &attitude, &tool}) {
       t->update(robot);
       EXPECT_EQ(tpik.add_level(t->jacobian(), t->activation(), t->reference()), Status::ok);
     }

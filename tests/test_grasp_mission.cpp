@@ -63,7 +63,8 @@ TEST(GraspMission, TheArmCompensatesTheCurrent) {
 }
 
 TEST(GraspMission, VelocitiesStayInsideTheirBounds) {
-  for (const grasp::Variant& v : {grasp::Variant{}, grasp::Variant{.current = true, .compensation = true}}) {
+  for (const grasp::Variant& v :
+       {grasp::Variant{}, grasp::Variant{.current = true, .compensation = true}}) {
     for (const auto& s : grasp::run(v).samples) {
       ASSERT_LE(s.command.head<10>().cwiseAbs().maxCoeff(), 0.5);
       ASSERT_LE(s.command.tail<3>().cwiseAbs().maxCoeff(), 0.4);

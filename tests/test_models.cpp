@@ -140,7 +140,8 @@ TYPED_TEST(Models, ToolJacobianEqualsCentralDifferencesInEveryFrame) {
     EXPECT_LT((robot.tool_jacobian(icat::Frame::world) - numeric).norm(), tolerance);
     EXPECT_LT((robot.tool_jacobian(icat::Frame::vehicle) - on(robot.vehicle().linear())).norm(),
               tolerance);
-    EXPECT_LT((robot.tool_jacobian(icat::Frame::tool) - on(robot.tool().linear())).norm(), tolerance);
+    EXPECT_LT((robot.tool_jacobian(icat::Frame::tool) - on(robot.tool().linear())).norm(),
+              tolerance);
   }
 }
 
@@ -174,20 +175,23 @@ TEST(ModelErrors, ConfigurationThrowsWithNamesAndNumbers) {
   using Chain = icat::SerialChain<double, 1>;
   using J = icat::Joint<double>;
   const auto I = icat::Pose<double>::Identity();
-  EXPECT_EQ(message_of([&] { Chain({J{.axis = {0, 0, 2}}}, I); }),
+  EXPECT_EQ(message_of([&] {
+              Chain({J{.axis = {0, 0, 2}}}, I);
+            }),
             "SerialChain: axis of joint 0 must have length 1, got 2");
   EXPECT_EQ(message_of([&] { Chain({J{.lower = 1, .upper = -1}}, I); }),
             "SerialChain: limits of joint 0 must be in order, got [1, -1]");
-  EXPECT_EQ(message_of([&] { Chain({J{.point = {0, NAN, 0}}}, I); }),
+  EXPECT_EQ(message_of([&] {
+              Chain({J{.point = {0, NAN, 0}}}, I);
+            }),
             "SerialChain: point of joint 0 is not finite");
   auto bad = I;
   bad.translation().x() = NAN;
   EXPECT_EQ(message_of([&] { Chain({J{}}, bad); }),
             "SerialChain: the end-effector's pose is not finite");
-  EXPECT_EQ(message_of([&] {
-              icat::Uvms<double, 7>({.arm = icat::maris_arm<double>(), .camera = bad});
-            }),
-            "Uvms: pose of the camera is not finite");
+  EXPECT_EQ(
+      message_of([&] { icat::Uvms<double, 7>({.arm = icat::maris_arm<double>(), .camera = bad}); }),
+      "Uvms: pose of the camera is not finite");
 }
 
 static_assert(icat::VehicleManipulator<icat::Uvms<double, 7>>);

@@ -40,8 +40,7 @@ TEST(ParametricTpik, AgreesWithTpik2ForEveryVehicleVelocity) {
       }
       ASSERT_EQ(tpik2.minimize_velocity(), Status::ok);
       const VectorXd expected = tpik2.velocity().head(l);
-      const double error =
-          (law.evaluate(v) - expected).norm() / std::max(1.0, expected.norm());
+      const double error = (law.evaluate(v) - expected).norm() / std::max(1.0, expected.norm());
       worst = std::max(worst, error);
       ASSERT_LE(error, 1e-9);
       ASSERT_EQ(tpik2.velocity().tail<6>(), v);
@@ -113,8 +112,8 @@ TEST(Underactuation, BothFormulationsAgree) {
     }
     ASSERT_EQ(coop.minimize_velocity(), Status::ok);
     ASSERT_EQ(maris.minimize_velocity(), Status::ok);
-    const double error = (coop.velocity() - maris.velocity()).norm() /
-                         std::max(1.0, coop.velocity().norm());
+    const double error =
+        (coop.velocity() - maris.velocity()).norm() / std::max(1.0, coop.velocity().norm());
     worst = std::max(worst, error);
     ASSERT_LE(error, 1e-9);
     for (int i = 0; i < 6; ++i) {

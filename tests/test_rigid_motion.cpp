@@ -25,7 +25,8 @@ TYPED_TEST(RigidMotion, LogInvertsExp) {
   using V = icat::Vector3<S>;
   constexpr S pi = std::numbers::pi_v<S>;
   const V axis = V(S(0.36), S(-0.48), S(0.8));
-  for (const S angle : {S(0), S(1e-12), S(1e-8), S(1e-4), S(0.5), S(2), pi - S(1e-3), pi - S(1e-6)}) {
+  for (const S angle :
+       {S(0), S(1e-12), S(1e-8), S(1e-4), S(0.5), S(2), pi - S(1e-3), pi - S(1e-6)}) {
     const V phi = angle * axis;
     EXPECT_LT((icat::rotation_log<S>(icat::rotation_exp<S>(phi)) - phi).norm(), roundings<S>(40))
         << angle;
@@ -49,8 +50,9 @@ TYPED_TEST(RigidMotion, OrientationErrorDoesNotJumpAtHalfATurn) {
     last = e;
   }
   // Away from there it is the rotation vector.
-  EXPECT_LT((icat::orientation_error<S>(I, icat::rotation_exp<S>(V(S(3) * axis))) - S(3) * axis).norm(),
-            roundings<S>(40));
+  EXPECT_LT(
+      (icat::orientation_error<S>(I, icat::rotation_exp<S>(V(S(3) * axis))) - S(3) * axis).norm(),
+      roundings<S>(40));
 }
 
 TYPED_TEST(RigidMotion, IntegratesTwistsExactly) {
@@ -62,7 +64,8 @@ TYPED_TEST(RigidMotion, IntegratesTwistsExactly) {
     const icat::Pose<double> begin = testing_support::make_pose<double>(1, 2, 3, 0.1, 0.2, 0.3);
     using M4 = Eigen::Matrix<long double, 4, 4>;
     M4 generator = M4::Zero();
-    generator.topLeftCorner<3, 3>() = icat::skew(twist.template tail<3>().template cast<long double>());
+    generator.topLeftCorner<3, 3>() =
+        icat::skew(twist.template tail<3>().template cast<long double>());
     generator.topRightCorner<3, 1>() = twist.template head<3>().template cast<long double>();
     // exp by scaling and squaring of the Taylor series.
     M4 exponential = M4::Identity(), term = exponential;
@@ -95,8 +98,8 @@ TYPED_TEST(RigidMotion, MisalignmentIsDifferentiableEverywhere) {
       if constexpr (std::is_same_v<S, double>) {
         const auto rotated = [&](const V& w) { return V(icat::rotation_exp<S>(w) * d); };
         const auto numeric = icat::central_difference(
-            [&](const V& w) { return icat::misalignment_from_z<S>(rotated(w)).vector; }, V(V::Zero()),
-            1e-7);
+            [&](const V& w) { return icat::misalignment_from_z<S>(rotated(w)).vector; },
+            V(V::Zero()), 1e-7);
         const Eigen::Matrix<S, 2, 3> analytic = -m.vector_gradient * icat::skew(d);
         EXPECT_LT((analytic - numeric).norm(), 2e-5 * (1 + analytic.norm())) << theta << ' ' << psi;
         const auto angle_numeric = icat::central_difference(

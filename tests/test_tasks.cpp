@@ -53,79 +53,95 @@ std::vector<Case> scalar_cases() {
   const auto goal = testing_support::make_pose<double>(0.3, 0.2, 1, 0.1, 0.2, 0.3);
   const task::PoseNorms<double> norms{Objective::at_most(0.2, 0.1), Objective::at_most(0.1, 0.05)};
   return {
-      {"JointLimits", [](const Robot& r) {
+      {"JointLimits",
+       [](const Robot& r) {
          return make<task::JointLimits<Robot>>(r, task::JointLimits<Robot>::Options{.gain = gain});
        }},
-      {"Manipulability", [](const Robot& r) {
+      {"Manipulability",
+       [](const Robot& r) {
          return make<task::Manipulability<Robot>>(
-             r, task::Manipulability<Robot>::Options{.minimum = 0.05, .margin = 0.05, .gain = gain});
+             r,
+             task::Manipulability<Robot>::Options{.minimum = 0.05, .margin = 0.05, .gain = gain});
        }},
-      {"PreferredShape", [](const Robot& r) {
+      {"PreferredShape",
+       [](const Robot& r) {
          return make<task::PreferredShape<Robot>>(
              r, task::PreferredShape<Robot>::Options{.shape = preferred(), .gain = gain});
        }},
-      {"PreferredShapeNorm", [](const Robot& r) {
+      {"PreferredShapeNorm",
+       [](const Robot& r) {
          return make<task::PreferredShape<Robot>>(
              r, task::PreferredShape<Robot>::Options{
                     .shape = preferred(), .norm = Objective::at_most(0.5, 0.2), .gain = gain});
        }},
-      {"CameraOcclusion", [](const Robot& r) {
+      {"CameraOcclusion",
+       [](const Robot& r) {
          return make<task::CameraOcclusion<Robot>>(
              r, task::CameraOcclusion<Robot>::Options{
                     .elbow_joint = 3, .minimum_angle = 0.3, .margin = 0.1, .gain = gain});
        }},
-      {"CameraCenteringNorm", [](const Robot& r) {
+      {"CameraCenteringNorm",
+       [](const Robot& r) {
          return make<task::CameraCentering<Robot>>(
              r, task::CameraCentering<Robot>::Options{
                     .target = target, .norm = Objective::at_most(0.3, 0.1), .gain = gain});
        }},
-      {"CameraCentering", [](const Robot& r) {
+      {"CameraCentering",
+       [](const Robot& r) {
          return make<task::CameraCentering<Robot>>(
              r, task::CameraCentering<Robot>::Options{.target = target, .gain = gain});
        }},
-      {"HorizontalAttitudeNorm", [](const Robot& r) {
+      {"HorizontalAttitudeNorm",
+       [](const Robot& r) {
          return make<task::HorizontalAttitude<Robot>>(
              r, task::HorizontalAttitude<Robot>::Options{.norm = Objective::at_most(0.3, 0.1),
                                                          .gain = gain});
        }},
-      {"HorizontalAttitude", [](const Robot& r) {
+      {"HorizontalAttitude",
+       [](const Robot& r) {
          return make<task::HorizontalAttitude<Robot>>(
              r, task::HorizontalAttitude<Robot>::Options{.gain = gain});
        }},
-      {"VehicleDistance", [](const Robot& r) {
+      {"VehicleDistance",
+       [](const Robot& r) {
          return make<task::VehicleDistance<Robot>>(
              r, task::VehicleDistance<Robot>::Options{
                     .other = {0.3, 0.2, 1}, .minimum = 1, .margin = 0.2, .gain = gain});
        }},
-      {"ToolPoseNorm", [=](const Robot& r) {
+      {"ToolPoseNorm",
+       [=](const Robot& r) {
          return make<task::ToolPose<Robot>>(
              r, PoseOptions{.goal = goal, .norms = norms, .gain = gain});
        }},
-      {"ToolPositionNorm", [=](const Robot& r) {
+      {"ToolPositionNorm",
+       [=](const Robot& r) {
          return make<task::ToolPosition<Robot>>(
              r, PoseOptions{.goal = goal, .norms = norms, .gain = gain});
        }},
-      {"ToolOrientationNorm", [=](const Robot& r) {
+      {"ToolOrientationNorm",
+       [=](const Robot& r) {
          return make<task::ToolOrientation<Robot>>(
              r, PoseOptions{.goal = goal, .norms = norms, .gain = gain});
        }},
-      {"VehiclePoseNorm", [=](const Robot& r) {
+      {"VehiclePoseNorm",
+       [=](const Robot& r) {
          return make<task::VehiclePose<Robot>>(
              r, PoseOptions{.goal = goal, .norms = norms, .gain = gain});
        }},
       {"FunctionTask", [](const Robot& r) {
          using F = task::FunctionTask<Robot>;
-         return make<F>(r, F::Options{.name = "depth and x",
-                                      .rows = 2,
-                                      .evaluate =
-                                          [](const Robot& robot, F::Rows& x, F::Jacobian& J) {
-                                            x(0) = robot.vehicle().translation().z();
-                                            x(1) = robot.vehicle().translation().x();
-                                            J.row(0).segment<3>(7) = robot.vehicle().linear().row(2);
-                                            J.row(1).segment<3>(7) = robot.vehicle().linear().row(0);
-                                          },
-                                      .objective = Objective::between(0, 3, 0.5),
-                                      .gain = gain});
+         return make<F>(r,
+                        F::Options{.name = "depth and x",
+                                   .rows = 2,
+                                   .evaluate =
+                                       [](const Robot& robot, F::Rows& x, F::Jacobian& J) {
+                                         x(0) = robot.vehicle().translation().z();
+                                         x(1) = robot.vehicle().translation().x();
+                                         J.row(0).segment<3>(7) = robot.vehicle().linear().row(2);
+                                         J.row(1).segment<3>(7) = robot.vehicle().linear().row(0);
+                                       },
+                                   .objective = Objective::between(0, 3, 0.5),
+                                   .gain = gain});
        }}};
 }
 
@@ -135,10 +151,11 @@ TEST_P(ScalarTasks, JacobianEqualsCentralDifferences) {
   Robot robot = testing_support::make_robot<double>();
   const auto task = GetParam().make(robot);
   auto states = testing_support::all_states<double>(60, 11);
-  // The camera exactly on, exactly off, and exactly opposite to the target; the vehicle at the other
-  // vehicle and at its goal; the preferred shape.
+  // The camera exactly on, exactly off, and exactly opposite to the target; the vehicle at the
+  // other vehicle and at its goal; the preferred shape.
   const icat::Pose<double> v_c = robot.description().camera;
-  for (const auto& [name, angle] : {std::pair{"aligned", 0.0}, {"across", pi / 2}, {"opposite", pi}}) {
+  for (const auto& [name, angle] :
+       {std::pair{"aligned", 0.0}, {"across", pi / 2}, {"opposite", pi}}) {
     icat::Pose<double> camera = testing_support::make_pose<double>(1, -0.5, 1.5, angle, 0, 0);
     states.push_back({name, preferred(), camera * v_c.inverse()});
   }
@@ -199,7 +216,8 @@ TEST_P(FrameTasks, JacobianEqualsCentralDifferencesAndReferenceIsTheError) {
           [&](const Y& y) {
             auto moved = robot;
             testing_support::displace(moved, s, y);
-            return testing_support::difference<double>(frame, c.tool ? moved.tool() : moved.vehicle());
+            return testing_support::difference<double>(frame,
+                                                       c.tool ? moved.tool() : moved.vehicle());
           },
           Y(Y::Zero()));
       icat::Vector6<double> expected;
@@ -228,9 +246,9 @@ INSTANTIATE_TEST_SUITE_P(Catalogue, FrameTasks,
 TEST(NoJump, ReferencesThroughZeroAndHalfATurn) {
   std::vector<Case> cases = scalar_cases();
   const auto goal = testing_support::make_pose<double>(0, 0, 0, 0, 0, 0);
-  for (const FrameCase& c : {FrameCase{"ToolPose", true, true, true},
-                             FrameCase{"ToolOrientation", true, false, true},
-                             FrameCase{"VehiclePose", false, true, true}}) {
+  for (const FrameCase& c :
+       {FrameCase{"ToolPose", true, true, true}, FrameCase{"ToolOrientation", true, false, true},
+        FrameCase{"VehiclePose", false, true, true}}) {
     cases.push_back({c.name, [=](const Robot& r) { return make_frame_task(c, r, goal); }});
   }
   for (const Case& c : cases) {
@@ -330,7 +348,8 @@ TEST(TaskErrors, ConfigurationThrowsWithNamesAndNumbers) {
             }),
             "task 'camera occlusion': elbow_joint must be in [0, 6], got 7");
   EXPECT_EQ(message_of([&] {
-              task::FunctionTask<Robot>(robot, {.name = "f", .evaluate = {}, .objective = Objective::equal_to(0)});
+              task::FunctionTask<Robot>(
+                  robot, {.name = "f", .evaluate = {}, .objective = Objective::equal_to(0)});
             }),
             "task 'f': evaluate is empty");
   icat::Vector<double, 7> shape = icat::Vector<double, 7>::Constant(nan);

@@ -207,10 +207,11 @@ TEST(TpikErrors, ConfigurationThrowsWithNamesAndNumbers) {
   EXPECT_EQ(message_of([] { Fixed({.projection_weight = inf}); }),
             "Tpik: projection_weight must be finite and > 0, got inf");
   EXPECT_EQ(message_of([] { Tpik(0); }), "Tpik: dof must be >= 1, got 0");
-  EXPECT_EQ(message_of([] {
-              Tpik(3, {.bounds = icat::VelocityBounds<double>{VectorXd::Zero(2), VectorXd::Zero(3)}});
-            }),
-            "Tpik: velocity bounds have 2 and 3 components, need 3");
+  EXPECT_EQ(
+      message_of([] {
+        Tpik(3, {.bounds = icat::VelocityBounds<double>{VectorXd::Zero(2), VectorXd::Zero(3)}});
+      }),
+      "Tpik: velocity bounds have 2 and 3 components, need 3");
   EXPECT_EQ(message_of([] {
               Fixed({.bounds = icat::VelocityBounds<double, 3>{{-1, 0.25, -1}, {1, 0.5, 1}}});
             }),

@@ -46,9 +46,9 @@ VectorXd classical_velocity(const RandomHierarchy& h) {
 }
 
 struct Sweep {
-  double icat = 0;         ///< largest ‖Δẏ‖ between two of the 10,000 steps
-  double icat_tenth = 0;   ///< largest ‖Δẏ‖ when that one step is walked in ten
-  double classical = 0;    ///< the classical solution's ‖Δẏ‖ in the first of the steps
+  double icat = 0;             ///< largest ‖Δẏ‖ between two of the 10,000 steps
+  double icat_tenth = 0;       ///< largest ‖Δẏ‖ when that one step is walked in ten
+  double classical = 0;        ///< the classical solution's ‖Δẏ‖ in the first of the steps
   double classical_tenth = 0;  ///< likewise, walked in ten
 };
 
@@ -132,8 +132,8 @@ TEST(Continuity, RandomHierarchiesWithConflictsAndSingularRows) {
     HierarchyGenerator gen(seed);
     RandomHierarchy h = gen.hierarchy(4, 8);
     if (h.levels.size() > 5) h.levels.resize(5);
-    auto& level = h.levels[static_cast<std::size_t>(
-        gen.integer(0, static_cast<int>(h.levels.size()) - 1))];
+    auto& level =
+        h.levels[static_cast<std::size_t>(gen.integer(0, static_cast<int>(h.levels.size()) - 1))];
     const auto row = gen.integer(0, static_cast<int>(level.a.size()) - 1);
     const Sweep s = sweep(h, level.a(row));
     expect_continuous(s);

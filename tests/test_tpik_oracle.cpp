@@ -20,8 +20,7 @@ void run(Solver& tpik, const RandomHierarchy& h) {
 }
 
 double relative_error(const Eigen::VectorXd& x, const Vec<long double>& exact) {
-  return static_cast<double>((x.cast<long double>() - exact).norm() /
-                             std::max(exact.norm(), 1.0L));
+  return static_cast<double>((x.cast<long double>() - exact).norm() / std::max(exact.norm(), 1.0L));
 }
 
 // Shards, so that two cores share the long-double SVDs. 8 × 260 = 2,080 hierarchies.
@@ -103,8 +102,8 @@ TEST(Oracle, EveryLevelEqualsTheLiteralFormula) {
       ASSERT_EQ(tpik.add_level(level.J, level.a, level.reference), icat::Status::ok);
       const double e_Q = static_cast<double>(
           (tpik.projector().cast<long double>() - exact.Q).norm() / std::sqrt(h.dof));
-      const double literal_Q = static_cast<double>(
-          (literal.Q.cast<long double>() - exact.Q).norm() / std::sqrt(h.dof));
+      const double literal_Q =
+          static_cast<double>((literal.Q.cast<long double>() - exact.Q).norm() / std::sqrt(h.dof));
       EXPECT_LE(e_Q, std::max(1e-9, 10 * literal_Q));
       EXPECT_LE(relative_error(tpik.velocity(), exact.rho),
                 std::max(1e-9, 10 * relative_error(literal.rho, exact.rho)));

@@ -89,7 +89,8 @@ TEST(Tutorial, TheJacobianIsChecked) {
   // x as a function of a small displacement [Δq; twist]: x = x* − ẋ̄ / γ.
   const auto x = [&](const icat::Vector<double, 13>& d) {
     const icat::Vector6<double> twist = d.tail<6>();
-    EXPECT_EQ(robot.update(q + d.head<7>(), icat::integrate(vehicle, twist, 1.0)), icat::Status::ok);
+    EXPECT_EQ(robot.update(q + d.head<7>(), icat::integrate(vehicle, twist, 1.0)),
+              icat::Status::ok);
     task.update(robot);
     return icat::Vector<double, 1>(-task.reference()(0));
   };

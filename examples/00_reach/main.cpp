@@ -14,7 +14,7 @@ int main() {
   icat::task::VehicleMotionMinimality still_vehicle(robot);
   icat::Controller controller(robot, {{"reach", {{limits}, {tool}, {still_vehicle}}}});
 
-  const double dt = 0.01;  // s; the caller owns the clock
+  const double dt = 0.01;                                         // s; the caller owns the clock
   icat::Status status = controller.switch_to("reach", 0.0, 1.0);  // fades in over 1 s
   for (double t = 0; t < 20 && status == icat::Status::ok; t += dt) {
     status = robot.update(plant.q(), plant.vehicle());

@@ -24,7 +24,8 @@ const std::vector<NamedVariant> variants{
     {"plain", "fully actuated vehicle, still water", {}},
     {"underactuated", "roll and pitch not actuated", {.underactuated = true}},
     {"current", "sinusoidal current, no compensation", {.current = true}},
-    {"compensated", "sinusoidal current, the arm compensates",
+    {"compensated",
+     "sinusoidal current, the arm compensates",
      {.current = true, .compensation = true}}};
 
 std::string column_name(std::string name) {
@@ -77,10 +78,22 @@ void write_scene(const fs::path& file, const grasp::Result& r) {
                                 [&](const auto& sample) { return sample.t >= t - 1e-9; });
     // The hull, a box of 1.0 × 0.6 × 0.73 m, drawn in one stroke, then the arm.
     const double x = 0.5, y = 0.3, top = -0.3, bottom = 0.43;
-    for (const auto& p : std::vector<grasp::Vector3>{
-             {x, y, top}, {-x, y, top}, {-x, -y, top}, {x, -y, top}, {x, y, top}, {x, y, bottom},
-             {-x, y, bottom}, {-x, y, top}, {-x, y, bottom}, {-x, -y, bottom}, {-x, -y, top},
-             {-x, -y, bottom}, {x, -y, bottom}, {x, -y, top}, {x, -y, bottom}, {x, y, bottom}}) {
+    for (const auto& p : std::vector<grasp::Vector3>{{x, y, top},
+                                                     {-x, y, top},
+                                                     {-x, -y, top},
+                                                     {x, -y, top},
+                                                     {x, y, top},
+                                                     {x, y, bottom},
+                                                     {-x, y, bottom},
+                                                     {-x, y, top},
+                                                     {-x, y, bottom},
+                                                     {-x, -y, bottom},
+                                                     {-x, -y, top},
+                                                     {-x, -y, bottom},
+                                                     {x, -y, bottom},
+                                                     {x, -y, top},
+                                                     {x, -y, bottom},
+                                                     {x, y, bottom}}) {
       point(s->vehicle * p);
     }
     out << "\n\n";
@@ -98,8 +111,8 @@ bool draw(const fs::path& folder, const char* title, const grasp::Result& r) {
     }
     return "'" + text + "'";
   };
-  std::string script = "folder = " + quoted(folder.string()) + "\nmission = " + quoted(title) +
-                       "\nactivations = '";
+  std::string script =
+      "folder = " + quoted(folder.string()) + "\nmission = " + quoted(title) + "\nactivations = '";
   for (const auto& task : r.tasks) script += column_name(task) + ' ';
   script += "'\nphase_names = '";
   for (const auto& phase : r.phases) script += phase.first + ' ';

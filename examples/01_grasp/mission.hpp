@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The reference mission: a vehicle with the MARIS arm comes from a few metres away, grasps a pipe on
-// the seabed and lifts it 0.5 m. Tasks and their order are those of [Coop, III-E], phases those of
-// [Coop, Table I] for one vehicle.
+// The reference mission: a vehicle with the MARIS arm comes from a few metres away, grasps a pipe
+// on the seabed and lifts it 0.5 m. Tasks and their order are those of [Coop, III-E], phases those
+// of [Coop, Table I] for one vehicle.
 #pragma once
 
 #include <algorithm>
@@ -20,9 +20,9 @@ using Vector6 = icat::Vector6<double>;
 using Objective = icat::Objective<double>;
 
 struct Variant {
-  bool underactuated = false;       ///< roll and pitch are not actuated
-  bool current = false;             ///< a sinusoidal current along x of the world
-  bool compensation = false;        ///< two parallel TPIKs: the arm makes up for the vehicle
+  bool underactuated = false;  ///< roll and pitch are not actuated
+  bool current = false;        ///< a sinusoidal current along x of the world
+  bool compensation = false;   ///< two parallel TPIKs: the arm makes up for the vehicle
 };
 
 // --- the scene, NED: z points down ---------------------------------------------------------------
@@ -30,16 +30,17 @@ struct Variant {
 inline Pose pose(const Vector3& position, double roll, double pitch, double yaw) {
   Pose p = Pose::Identity();
   p.translation() = position;
-  p.linear() = (Eigen::AngleAxisd(yaw, Vector3::UnitZ()) * Eigen::AngleAxisd(pitch, Vector3::UnitY()) *
-                Eigen::AngleAxisd(roll, Vector3::UnitX()))
-                   .toRotationMatrix();
+  p.linear() =
+      (Eigen::AngleAxisd(yaw, Vector3::UnitZ()) * Eigen::AngleAxisd(pitch, Vector3::UnitY()) *
+       Eigen::AngleAxisd(roll, Vector3::UnitX()))
+          .toRotationMatrix();
   return p;
 }
 
-inline constexpr double heading = 0.6;                      ///< of the vehicle at the pipe, rad
-inline const Vector3 pipe_centre{0.5, 0.5, 3.0};            ///< [Coop, V]
-inline const Vector3 companion{-1.3, -0.3, 1.4};            ///< another vehicle, hovering on the way
-inline const double companion_distance = 1.0;               ///< to be kept from it, m
+inline constexpr double heading = 0.6;            ///< of the vehicle at the pipe, rad
+inline const Vector3 pipe_centre{0.5, 0.5, 3.0};  ///< [Coop, V]
+inline const Vector3 companion{-1.3, -0.3, 1.4};  ///< another vehicle, hovering on the way
+inline const double companion_distance = 1.0;     ///< to be kept from it, m
 inline const double lift_height = 0.5;
 
 /// The pipe lies across the heading. The gripper approaches from above, its y axis along the pipe.
@@ -70,7 +71,8 @@ inline Robot make_robot() {
                 .tool = gripper});
 }
 
-// --- what is recorded -----------------------------------------------------------------------------
+// --- what is recorded
+// -----------------------------------------------------------------------------
 
 struct Sample {
   double t;
@@ -82,21 +84,21 @@ struct Sample {
   double position_error, orientation_error;  ///< of the tool, to the goal of the phase
   double joint_margin;                       ///< to the closest limit, rad
   double manipulability, centering, attitude, distance, vehicle_position, vehicle_orientation;
-  std::vector<double> activations;           ///< the largest of each task's rows
-  Eigen::Matrix<double, 3, 9> arm;           ///< its points in the world, from mount to tool
+  std::vector<double> activations;  ///< the largest of each task's rows
+  Eigen::Matrix<double, 3, 9> arm;  ///< its points in the world, from mount to tool
 };
 
 struct Result {
   std::vector<Sample> samples;
-  std::vector<std::string> tasks;             ///< names of the columns of `activations`
+  std::vector<std::string> tasks;                      ///< names of the columns of `activations`
   std::vector<std::pair<std::string, double>> phases;  ///< action and the time it began
-  bool grasped = false, lifted = false;       ///< within tolerance when the phase ended
+  bool grasped = false, lifted = false;                ///< within tolerance when the phase ended
   double grasp_position_error = 0, grasp_orientation_error = 0;  ///< m, rad, when it closed
   double lift_position_error = 0, lift_orientation_error = 0;
-  double largest_step = 0;                    ///< max ‖Δẏ‖ between two cycles, from standstill on
-  double steady_error = 0;                    ///< max tool position error, last 10 s of the grasp
-  std::vector<std::string> violations;        ///< inequality objectives left after being entered
-  icat::Status status = icat::Status::ok;     ///< of the last cycle
+  double largest_step = 0;              ///< max ‖Δẏ‖ between two cycles, from standstill on
+  double steady_error = 0;              ///< max tool position error, last 10 s of the grasp
+  std::vector<std::string> violations;  ///< inequality objectives left after being entered
+  icat::Status status = icat::Status::ok;  ///< of the last cycle
 };
 
 // Thresholds of the inequality objectives.
@@ -122,7 +124,8 @@ inline Result run(const Variant& variant, double dt = 0.01) {
   icat::task::Manipulability manipulability(
       robot, {.minimum = minimum_manipulability, .margin = 0.01, .gain = 1.0});
   icat::task::CameraCentering centering(
-      robot, {.target = pipe_centre, .norm = Objective::at_most(maximum_centering, 0.1), .gain = 0.5});
+      robot,
+      {.target = pipe_centre, .norm = Objective::at_most(maximum_centering, 0.1), .gain = 0.5});
   icat::task::HorizontalAttitude attitude(
       robot, {.norm = Objective::at_most(maximum_attitude, 0.1), .gain = 0.5});
   icat::task::VehiclePose vehicle_pose(
@@ -133,11 +136,8 @@ inline Result run(const Variant& variant, double dt = 0.01) {
               .max_linear_rate = 0.4,
               .max_angular_rate = 0.3});
   const auto to = [](const char* name, const Pose& goal) {
-    return icat::task::PoseTaskOptions<double>{.name = name,
-                                               .goal = goal,
-                                               .gain = 0.8,
-                                               .max_linear_rate = 0.15,
-                                               .max_angular_rate = 0.3};
+    return icat::task::PoseTaskOptions<double>{
+        .name = name, .goal = goal, .gain = 0.8, .max_linear_rate = 0.15, .max_angular_rate = 0.3};
   };
   icat::task::ToolPose tool_grasp(robot, to("tool to grasp", grasp_goal()));
   icat::task::ToolPose tool_lift(robot, to("tool to lift", lift_goal()));
@@ -146,14 +146,28 @@ inline Result run(const Variant& variant, double dt = 0.01) {
   //! [tasks]
 
   //! [actions]
-  std::vector<icat::Action<Robot>> actions{
-      {"navigate",
-       {{joint_limits}, {vehicle_distance}, {manipulability}, {attitude}, {vehicle_pose}, {still_arm}}},
-      {"grasp",
-       {{joint_limits}, {vehicle_distance}, {manipulability}, {centering}, {attitude}, {tool_grasp},
-        {still_vehicle}}},
-      {"lift",
-       {{joint_limits}, {vehicle_distance}, {manipulability}, {attitude}, {tool_lift}, {still_arm}}}};
+  std::vector<icat::Action<Robot>> actions{{"navigate",
+                                            {{joint_limits},
+                                             {vehicle_distance},
+                                             {manipulability},
+                                             {attitude},
+                                             {vehicle_pose},
+                                             {still_arm}}},
+                                           {"grasp",
+                                            {{joint_limits},
+                                             {vehicle_distance},
+                                             {manipulability},
+                                             {centering},
+                                             {attitude},
+                                             {tool_grasp},
+                                             {still_vehicle}}},
+                                           {"lift",
+                                            {{joint_limits},
+                                             {vehicle_distance},
+                                             {manipulability},
+                                             {attitude},
+                                             {tool_lift},
+                                             {still_arm}}}};
   //! [actions]
   if (variant.underactuated) {
     // Roll and pitch are passively stable; their objective is for vehicles that control them
@@ -163,8 +177,8 @@ inline Result run(const Variant& variant, double dt = 0.01) {
     }
   }
 
-  const std::array<bool, 6> actuated{true, true, true, !variant.underactuated,
-                                     !variant.underactuated, true};
+  const std::array<bool, 6> actuated{
+      true, true, true, !variant.underactuated, !variant.underactuated, true};
   //! [controller]
   icat::Vector<double, 13> limit;
   limit << icat::Vector<double, 7>::Constant(0.5), Vector3::Constant(0.5), Vector3::Constant(0.4);
@@ -202,8 +216,10 @@ inline Result run(const Variant& variant, double dt = 0.01) {
   std::vector<Watch> watches{
       {"joint limits", "", [](const Sample& s) { return -s.joint_margin; }},
       {"vehicle distance", "", [](const Sample& s) { return companion_distance - s.distance; }},
-      {"manipulability", "", [](const Sample& s) { return minimum_manipulability - s.manipulability; }},
-      {"camera centering", "grasp", [](const Sample& s) { return s.centering - maximum_centering; }},
+      {"manipulability", "",
+       [](const Sample& s) { return minimum_manipulability - s.manipulability; }},
+      {"camera centering", "grasp",
+       [](const Sample& s) { return s.centering - maximum_centering; }},
       {"horizontal attitude", "", [](const Sample& s) { return s.attitude - maximum_attitude; }},
       {"vehicle position", "navigate",
        [](const Sample& s) { return s.vehicle_position - hover_position; }},
@@ -221,7 +237,8 @@ inline Result run(const Variant& variant, double dt = 0.01) {
     s.tool = robot.tool();
     const Pose goal = s.action == "lift" ? lift_goal() : grasp_goal();
     s.position_error = (goal.translation() - s.tool.translation()).norm();
-    s.orientation_error = icat::rotation_log<double>(goal.linear() * s.tool.linear().transpose()).norm();
+    s.orientation_error =
+        icat::rotation_log<double>(goal.linear() * s.tool.linear().transpose()).norm();
     s.joint_margin = std::min((robot.q() - robot.arm().lower_limits()).minCoeff(),
                               (robot.arm().upper_limits() - robot.q()).minCoeff());
     s.manipulability = robot.manipulability().value;
@@ -233,7 +250,8 @@ inline Result run(const Variant& variant, double dt = 0.01) {
     s.vehicle_orientation =
         icat::rotation_log<double>(hover_goal().linear() * s.vehicle.linear().transpose()).norm();
     for (std::size_t i = 0; i < watched.size(); ++i) {
-      s.activations.push_back(controller.phase_activations()[i] * watched[i]->activation().maxCoeff());
+      s.activations.push_back(controller.phase_activations()[i] *
+                              watched[i]->activation().maxCoeff());
     }
     const Pose base = s.vehicle * robot.description().arm_mount;
     for (int j = 0; j < 7; ++j) {
@@ -275,11 +293,10 @@ inline Result run(const Variant& variant, double dt = 0.01) {
 
     const double in_phase = t - result.phases.back().second;
     const bool at_goal = s.position_error < position_tolerance &&
-                         s.orientation_error < orientation_tolerance &&
-                         !controller.in_transition();
-    if (s.action == "navigate" && ((s.vehicle_position < hover_position &&
-                                    s.vehicle_orientation < hover_orientation) ||
-                                   in_phase > time_limit)) {
+                         s.orientation_error < orientation_tolerance && !controller.in_transition();
+    if (s.action == "navigate" &&
+        ((s.vehicle_position < hover_position && s.vehicle_orientation < hover_orientation) ||
+         in_phase > time_limit)) {
       status = enter("grasp", t);
     } else if (s.action == "grasp") {
       // In a current the error never settles: hold for 40 s, judge the last 10 of them, and close

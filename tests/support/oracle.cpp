@@ -13,8 +13,7 @@ Mat<Real> pseudo_inverse(const Mat<Real>& X, const Vec<Real>& a, const Mat<Real>
   const Eigen::Index n = X.cols();
   const Mat<Real> I = Mat<Real>::Identity(n, n);
   const Mat<Real> A = a.asDiagonal();
-  const Mat<Real> M =
-      X.transpose() * A * X + p.eta * (I - Q).transpose() * (I - Q);
+  const Mat<Real> M = X.transpose() * A * X + p.eta * (I - Q).transpose() * (I - Q);
   Eigen::JacobiSVD<Mat<Real>> svd(M, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Vec<Real> inverse(n);
   for (Eigen::Index i = 0; i < n; ++i) {

@@ -43,10 +43,18 @@ class HierarchyGenerator {
     for (Eigen::Index i = 0; i < rows; ++i) {
       switch (kind) {
         case 0:
-        case 1: a(i) = 1; break;
-        case 2: a(i) = 0; break;
-        case 3: a(i) = integer(0, 1); break;
-        case 4: a(i) = uniform(0, 1); break;
+        case 1:
+          a(i) = 1;
+          break;
+        case 2:
+          a(i) = 0;
+          break;
+        case 3:
+          a(i) = integer(0, 1);
+          break;
+        case 4:
+          a(i) = uniform(0, 1);
+          break;
         default: {
           const double menu[] = {0, 1, uniform(0, 1), 1e-3};
           a(i) = menu[integer(0, 3)];
@@ -83,11 +91,20 @@ class HierarchyGenerator {
             within ? Eigen::RowVectorXd(level.J.row(integer(0, i - 1)))
                    : Eigen::RowVectorXd(seen.row(integer(0, static_cast<int>(seen.rows()) - 1)));
         switch (integer(0, 15)) {
-          case 0: level.J.row(i).setZero(); break;
-          case 1: level.J.row(i) = other; break;
-          case 2: level.J.row(i) = other + 1e-9 * level.J.row(i); break;
-          case 3: level.J.row(i) = other + 1e-2 * level.J.row(i); break;
-          default: break;
+          case 0:
+            level.J.row(i).setZero();
+            break;
+          case 1:
+            level.J.row(i) = other;
+            break;
+          case 2:
+            level.J.row(i) = other + 1e-9 * level.J.row(i);
+            break;
+          case 3:
+            level.J.row(i) = other + 1e-2 * level.J.row(i);
+            break;
+          default:
+            break;
         }
       }
       seen.conservativeResize(seen.rows() + rows, h.dof);

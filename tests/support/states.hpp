@@ -66,7 +66,8 @@ template <class Scalar>
 std::vector<State<Scalar>> awkward_states() {
   constexpr double pi = std::numbers::pi;
   icat::Vector<Scalar, 7> zero = icat::Vector<Scalar, 7>::Zero(), bent, aligned;
-  bent << Scalar(0.3), Scalar(-0.7), Scalar(0.2), Scalar(-1.3), Scalar(0.4), Scalar(0.6), Scalar(0.1);
+  bent << Scalar(0.3), Scalar(-0.7), Scalar(0.2), Scalar(-1.3), Scalar(0.4), Scalar(0.6),
+      Scalar(0.1);
   aligned << Scalar(0.5), Scalar(0), Scalar(0.2), Scalar(-1.3), Scalar(0.4), Scalar(0), Scalar(0.1);
   return {{"stretched arm", zero, make_pose<Scalar>(0.3, 0.2, 1, 0.1, 0.2, 0.3)},
           {"aligned wrist and shoulder", aligned, make_pose<Scalar>(0.3, 0.2, 1, 0.1, 0.2, 0.3)},

@@ -91,9 +91,7 @@ class HierarchySearch {
     }
   };
 
-  std::size_t id_of(const Task<R>* task) {
-    return ids_.emplace(task, ids_.size()).first->second;
-  }
+  std::size_t id_of(const Task<R>* task) { return ids_.emplace(task, ids_.size()).first->second; }
   std::size_t unfinished_mask(const State& state) const {
     std::size_t mask = 0;
     for (std::size_t a = 0; a < state.size(); ++a) {
@@ -104,7 +102,8 @@ class HierarchySearch {
   std::set<std::size_t> united(const State& state, std::size_t move) const {
     std::set<std::size_t> all;
     for (std::size_t a = 0; a < state.size(); ++a) {
-      if ((move >> a) & 1) all.insert(sequences_[a][state[a]].begin(), sequences_[a][state[a]].end());
+      if ((move >> a) & 1)
+        all.insert(sequences_[a][state[a]].begin(), sequences_[a][state[a]].end());
     }
     return all;
   }
@@ -156,7 +155,8 @@ void check_actions(const std::vector<Action<R>>& actions) {
 
 /// The shortest unified list of up to 16 actions. Time grows with the number of actions and of
 /// conflicts between them; for configuration, not for the control step. Allocates.
-/// @throws std::invalid_argument on no actions, two of the same name, an empty level, or a task that
+/// @throws std::invalid_argument on no actions, two of the same name, an empty level, or a task
+/// that
 ///         stands twice in one action.
 template <Robot R>
 UnifiedHierarchy<R> unified_hierarchy(const std::vector<Action<R>>& actions) {

@@ -2,12 +2,12 @@
 /// @file
 /// The kinematic layer: runs actions on a robot and yields vehicle and joint velocities.
 ///
-/// **Whole body**: one TPIK over ẏ = [q̇; v̄]. What the vehicle cannot actuate enters with its measured
-/// velocity [Coop, Eq. (31)].
+/// **Whole body**: one TPIK over ẏ = [q̇; v̄]. What the vehicle cannot actuate enters with its
+/// measured velocity [Coop, Eq. (31)].
 ///
-/// **Parallel** [MARIS, III-B9], [Coop, III-G]: TPIK 1 is the whole-body one, of which only v̄ is kept;
-/// TPIK 2 takes all six vehicle velocities as measured, and only its q̇ is kept: the arm makes up for
-/// what the vehicle does not track. Each may run at its own rate.
+/// **Parallel** [MARIS, III-B9], [Coop, III-G]: TPIK 1 is the whole-body one, of which only v̄ is
+/// kept; TPIK 2 takes all six vehicle velocities as measured, and only its q̇ is kept: the arm makes
+/// up for what the vehicle does not track. Each may run at its own rate.
 #pragma once
 
 #include <array>
@@ -105,11 +105,10 @@ class Controller {
     return status;
   }
 
-  /// One control cycle by the scheme of the options. `measured` is the vehicle's velocity, components
-  /// on ⟨v⟩. On bad input the iteration ends above the level at fault, whose index is in the report:
-  /// the velocity is finite, inside the bounds, and serves what has a higher priority.
-  Status step(Scalar time,
-              const Vector6<Scalar>& measured = Vector6<Scalar>::Zero()) noexcept {
+  /// One control cycle by the scheme of the options. `measured` is the vehicle's velocity,
+  /// components on ⟨v⟩. On bad input the iteration ends above the level at fault, whose index is in
+  /// the report: the velocity is finite, inside the bounds, and serves what has a higher priority.
+  Status step(Scalar time, const Vector6<Scalar>& measured = Vector6<Scalar>::Zero()) noexcept {
     Status status = prepare(time);
     if (status != Status::ok) return stop(status);
     status = solve(vehicle_tpik_, vehicle_Q0_, measured);
@@ -188,7 +187,8 @@ class Controller {
   void set_targets(std::size_t action) noexcept {
     std::size_t i = 0;
     for (const auto& level : hierarchy_) {
-      for (const auto& entry : level) targets_[i++] = entry.in_action[action] ? Scalar(1) : Scalar(0);
+      for (const auto& entry : level)
+        targets_[i++] = entry.in_action[action] ? Scalar(1) : Scalar(0);
     }
   }
   Status stop(Status status) noexcept {

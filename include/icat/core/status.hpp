@@ -7,30 +7,39 @@ namespace icat {
 
 /// Outcome of a control-step function. Anything but `ok` means: the input was refused, and what the
 /// object holds is what it held before, finite and inside its bounds.
-enum class [[nodiscard]] Status {
-  ok,
-  non_finite,               ///< NaN or infinity in the input
-  wrong_size,               ///< rows or columns do not match
-  activation_out_of_range,  ///< an activation outside [0, 1]
-  numerical_failure,        ///< finite input, but its products overflow the scalar type
-  time_reversed,            ///< the caller's time is before the previous one
-  invalid_duration,         ///< a transition must take a finite time > 0
-  not_started,              ///< no action has been started yet
-  unknown_action,           ///< no action of that name or index
+enum class [[nodiscard]] Status{
+    ok,
+    non_finite,               ///< NaN or infinity in the input
+    wrong_size,               ///< rows or columns do not match
+    activation_out_of_range,  ///< an activation outside [0, 1]
+    numerical_failure,        ///< finite input, but its products overflow the scalar type
+    time_reversed,            ///< the caller's time is before the previous one
+    invalid_duration,         ///< a transition must take a finite time > 0
+    not_started,              ///< no action has been started yet
+    unknown_action,           ///< no action of that name or index
 };
 
 /// One line for a log. No allocation.
 constexpr const char* describe(Status status) noexcept {
   switch (status) {
-    case Status::ok: return "ok";
-    case Status::non_finite: return "NaN or infinity in the input";
-    case Status::wrong_size: return "wrong size of Jacobian, activation or reference";
-    case Status::activation_out_of_range: return "activation outside [0, 1]";
-    case Status::numerical_failure: return "overflow in the solver";
-    case Status::time_reversed: return "time runs backwards";
-    case Status::invalid_duration: return "the duration of a transition must be finite and > 0";
-    case Status::not_started: return "no action has been started";
-    case Status::unknown_action: return "unknown action";
+    case Status::ok:
+      return "ok";
+    case Status::non_finite:
+      return "NaN or infinity in the input";
+    case Status::wrong_size:
+      return "wrong size of Jacobian, activation or reference";
+    case Status::activation_out_of_range:
+      return "activation outside [0, 1]";
+    case Status::numerical_failure:
+      return "overflow in the solver";
+    case Status::time_reversed:
+      return "time runs backwards";
+    case Status::invalid_duration:
+      return "the duration of a transition must be finite and > 0";
+    case Status::not_started:
+      return "no action has been started";
+    case Status::unknown_action:
+      return "unknown action";
   }
   return "unknown status";
 }

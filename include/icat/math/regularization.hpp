@@ -22,7 +22,8 @@ namespace icat {
 /// `validate()` throws on bad parameters; solvers call it once, at construction.
 template <class Policy, class Scalar>
 concept RegularizationPolicy = std::copyable<Policy> && requires(const Policy& p, Scalar sigma) {
-  { p.inverse(sigma) } noexcept -> std::convertible_to<Scalar>;
+  { p.inverse(sigma) }
+  noexcept->std::convertible_to<Scalar>;
   { p.threshold } -> std::convertible_to<Scalar>;
 };
 
@@ -41,7 +42,7 @@ Scalar bell(Scalar sigma, Scalar lambda, Scalar threshold) noexcept {
 /// Eq. (20) of [Coop]: σ ↦ 1 / (σ + h(σ)).
 template <class Scalar>
 struct BellRegularization {
-  Scalar lambda{Scalar(1e-4)};    ///< height of the bell, > 0
+  Scalar lambda{Scalar(1e-4)};     ///< height of the bell, > 0
   Scalar threshold{Scalar(1e-2)};  ///< σ_t, > 0: singular values from here on are inverted exactly
 
   /// Regularized inverse of σ ≥ 0.
@@ -58,7 +59,7 @@ struct BellRegularization {
 /// The damped form in public use beside Eq. (20): σ ↦ σ / (σ² + h(σ)).
 template <class Scalar>
 struct DampedBellRegularization {
-  Scalar lambda{Scalar(1e-4)};    ///< height of the bell, > 0
+  Scalar lambda{Scalar(1e-4)};     ///< height of the bell, > 0
   Scalar threshold{Scalar(1e-2)};  ///< σ_t, > 0
 
   /// Regularized inverse of σ ≥ 0.

@@ -75,8 +75,9 @@ Vector3<Scalar> orientation_error(const Matrix3<Scalar>& current,
   return half_turn_weight(phi.norm()) * phi;
 }
 
-/// `pose` after the body twist `twist` = [linear; angular] (components on the moving frame) was held
-/// for `dt`. The result's rotation is re-orthonormalized, so that steps can be chained for ever.
+/// `pose` after the body twist `twist` = [linear; angular] (components on the moving frame) was
+/// held for `dt`. The result's rotation is re-orthonormalized, so that steps can be chained for
+/// ever.
 template <class Scalar>
 Pose<Scalar> integrate(const Pose<Scalar>& pose, const Vector6<Scalar>& twist, Scalar dt) noexcept {
   const Vector3<Scalar> phi = twist.template tail<3>() * dt;

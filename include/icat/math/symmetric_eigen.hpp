@@ -56,7 +56,8 @@ class SymmetricEigen {
       for (Index i = 0; i + 1 < size_; ++i) {
         for (Index j = i + 1; j < size_; ++j) {
           const Scalar dot = c.col(i).dot(c.col(j));
-          if (!(std::abs(dot) > orthogonal * std::sqrt(values_(i)) * std::sqrt(values_(j)))) continue;
+          if (!(std::abs(dot) > orthogonal * std::sqrt(values_(i)) * std::sqrt(values_(j))))
+            continue;
           rotated = true;
           const Scalar zeta = (values_(j) - values_(i)) / (Scalar(2) * dot);
           const Scalar t = (zeta >= Scalar(0) ? Scalar(1) : Scalar(-1)) /

@@ -23,12 +23,12 @@ SerialChain<Scalar, 7> maris_arm() {
   };
   Pose<Scalar> end_effector = Pose<Scalar>::Identity();
   end_effector.translation() = at(-0.1455, 1.2665);
-  return {{joint(z, at(0, 0), -2.9, 2.9),              //
-           joint(y, at(0, 0.283), -1.6, 1.65),         //
-           joint(z, at(0, 0.283), -2.9, 2.9),          //
-           joint(y, at(-0.1455, 0.7145), -2.95, 0.01), //
-           joint(z, at(-0.1455, 0.7145), -2.9, 2.9),   //
-           joint(y, at(-0.1455, 1.1345), -1.65, 1.25), //
+  return {{joint(z, at(0, 0), -2.9, 2.9),               //
+           joint(y, at(0, 0.283), -1.6, 1.65),          //
+           joint(z, at(0, 0.283), -2.9, 2.9),           //
+           joint(y, at(-0.1455, 0.7145), -2.95, 0.01),  //
+           joint(z, at(-0.1455, 0.7145), -2.9, 2.9),    //
+           joint(y, at(-0.1455, 1.1345), -1.65, 1.25),  //
            joint(z, at(-0.1455, 1.1345), -2.8, 2.8)},
           end_effector};
 }

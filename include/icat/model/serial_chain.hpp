@@ -2,8 +2,9 @@
 /// @file
 /// Kinematics of a serial arm with revolute and prismatic joints.
 ///
-/// The arm is described at q = 0 in its base frame ⟨b⟩: each joint's axis and a point on it, and the
-/// pose of the end-effector ⟨e⟩ (product of exponentials). No frames have to be assigned to links.
+/// The arm is described at q = 0 in its base frame ⟨b⟩: each joint's axis and a point on it, and
+/// the pose of the end-effector ⟨e⟩ (product of exponentials). No frames have to be assigned to
+/// links.
 ///
 ///     J = [ z_j × (p_e − p_j) ; z_j ]  revolute,    [ z_j ; 0 ]  prismatic
 ///     μ = √det(J Jᵀ) = Π σ_k                                             [MARIS, Eq. (14)]
@@ -42,10 +43,10 @@ struct Joint {
 /// Where everything is for one q, components on ⟨b⟩.
 template <class Scalar, int Dof>
 struct ChainState {
-  Eigen::Matrix<Scalar, 3, Dof> axes;        ///< z_j
-  Eigen::Matrix<Scalar, 3, Dof> points;      ///< p_j, moved by the joints before j
-  Pose<Scalar> end_effector;                 ///< ⟨e⟩ in ⟨b⟩
-  Eigen::Matrix<Scalar, 6, Dof> jacobian;    ///< rows [linear; angular], at the origin of ⟨e⟩
+  Eigen::Matrix<Scalar, 3, Dof> axes;      ///< z_j
+  Eigen::Matrix<Scalar, 3, Dof> points;    ///< p_j, moved by the joints before j
+  Pose<Scalar> end_effector;               ///< ⟨e⟩ in ⟨b⟩
+  Eigen::Matrix<Scalar, 6, Dof> jacobian;  ///< rows [linear; angular], at the origin of ⟨e⟩
 };
 
 /// μ and its gradient.
@@ -84,8 +85,8 @@ class SerialChain {
         detail::invalid("SerialChain: point of joint ", j, " is not finite");
       }
       if (!(joint.lower < joint.upper)) {
-        detail::invalid("SerialChain: limits of joint ", j, " must be in order, got [",
-                        joint.lower, ", ", joint.upper, "]");
+        detail::invalid("SerialChain: limits of joint ", j, " must be in order, got [", joint.lower,
+                        ", ", joint.upper, "]");
       }
       joints_[static_cast<std::size_t>(j)].axis.normalize();
       lower_(j) = joint.lower;
@@ -191,8 +192,7 @@ class SerialChain {
     }
     m.value = sigma.prod();
     // Below this σ_k is rounding, and so would be the direction divided by it.
-    const Scalar rounding =
-        Scalar(16) * std::numeric_limits<Scalar>::epsilon() * sigma.maxCoeff();
+    const Scalar rounding = Scalar(16) * std::numeric_limits<Scalar>::epsilon() * sigma.maxCoeff();
     Eigen::Matrix<Scalar, Dof, 6> y = Eigen::Matrix<Scalar, Dof, 6>::Zero();  // μ J^#
     for (Index k = 0; k < side; ++k) {
       if (!(sigma(k) > rounding)) continue;
@@ -212,8 +212,8 @@ class SerialChain {
         const Vector3<Scalar> y_linear = y.row(j).template head<3>();
         if (i <= j) {
           const Vector3<Scalar> y_angular = y.row(j).template tail<3>();
-          m.gradient(i) += angular_i.cross(linear_j).dot(y_linear) +
-                           angular_i.cross(angular_j).dot(y_angular);
+          m.gradient(i) +=
+              angular_i.cross(linear_j).dot(y_linear) + angular_i.cross(angular_j).dot(y_angular);
         } else {
           m.gradient(i) += angular_j.cross(linear_i).dot(y_linear);
         }

@@ -41,8 +41,8 @@ class Uvms {
     /// The arm.
     Arm arm;
     Pose<Scalar> arm_mount{Pose<Scalar>::Identity()};  ///< arm base ⟨b⟩ in ⟨v⟩
-    Pose<Scalar> camera{Pose<Scalar>::Identity()};     ///< ⟨c⟩ in ⟨v⟩; looks along its z axis
-    Pose<Scalar> tool{Pose<Scalar>::Identity()};       ///< ⟨t⟩ in the end-effector frame ⟨e⟩
+    Pose<Scalar> camera{Pose<Scalar>::Identity()};  ///< ⟨c⟩ in ⟨v⟩; looks along its z axis
+    Pose<Scalar> tool{Pose<Scalar>::Identity()};    ///< ⟨t⟩ in the end-effector frame ⟨e⟩
   };
 
   /// Starts at q = 0 with ⟨v⟩ = ⟨0⟩.
@@ -66,8 +66,8 @@ class Uvms {
   /// The arm.
   const Arm& arm() const noexcept { return description_.arm; }
 
-  /// New state: joint positions (rad, m) and pose of ⟨v⟩ in ⟨0⟩. NaN or infinity: refused, the state
-  /// stays. No allocation.
+  /// New state: joint positions (rad, m) and pose of ⟨v⟩ in ⟨0⟩. NaN or infinity: refused, the
+  /// state stays. No allocation.
   Status update(const VectorQ& q, const Pose<Scalar>& vehicle) noexcept {
     if (!q.allFinite() || !vehicle.matrix().allFinite()) return Status::non_finite;
     compute(q, vehicle);
@@ -92,9 +92,12 @@ class Uvms {
   /// 6 × size, rows linear then angular, velocity of ⟨t⟩ with respect to ⟨0⟩ at the tool's origin.
   const ToolJacobian& tool_jacobian(Frame frame) const noexcept {
     switch (frame) {
-      case Frame::world: return jacobian_world_;
-      case Frame::tool: return jacobian_tool_;
-      case Frame::vehicle: break;
+      case Frame::world:
+        return jacobian_world_;
+      case Frame::tool:
+        return jacobian_tool_;
+      case Frame::vehicle:
+        break;
     }
     return jacobian_vehicle_;
   }

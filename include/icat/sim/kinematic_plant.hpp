@@ -25,9 +25,9 @@ class KinematicPlant {
   using VectorQ = Vector<Scalar, ArmDof>;
   /// Settings, with defaults.
   struct Options {
-    VectorQ q{VectorQ::Zero()};                          ///< at the start, rad or m
-    Pose<Scalar> vehicle{Pose<Scalar>::Identity()};      ///< ⟨v⟩ in ⟨0⟩ at the start
-    Scalar tracking_lag{0};                              ///< τ, s
+    VectorQ q{VectorQ::Zero()};                      ///< at the start, rad or m
+    Pose<Scalar> vehicle{Pose<Scalar>::Identity()};  ///< ⟨v⟩ in ⟨0⟩ at the start
+    Scalar tracking_lag{0};                          ///< τ, s
     std::array<bool, 6> actuated{true, true, true, true, true, true};  ///< else v_r stays 0
     std::function<Vector3<Scalar>(Scalar time)> current{};  ///< w, components on ⟨0⟩, m/s
   };

@@ -46,8 +46,8 @@ class CameraCentering : public Task<R> {
   void compute(const R& robot) noexcept override {
     const Pose<Scalar>& v_c = robot.description().camera;
     const Matrix3<Scalar> c_R_v = v_c.linear().transpose();
-    const Vector3<Scalar> p_v = robot.vehicle().linear().transpose() *
-                                (options_.target - robot.vehicle().translation());
+    const Vector3<Scalar> p_v =
+        robot.vehicle().linear().transpose() * (options_.target - robot.vehicle().translation());
     const Vector3<Scalar> p = c_R_v * (p_v - v_c.translation());
     const Scalar range = p.norm();
     auto J = this->jacobian_.template rightCols<6>();
@@ -106,8 +106,8 @@ class CameraOcclusion : public Task<R> {
     this->require_gain(options.gain);
     this->require_rate("max_rate", options.max_rate);
     if (options.elbow_joint < 0 || options.elbow_joint >= robot.arm_dof()) {
-      detail::invalid("task '", options.name, "': elbow_joint must be in [0, ",
-                      robot.arm_dof() - 1, "], got ", options.elbow_joint);
+      detail::invalid("task '", options.name, "': elbow_joint must be in [0, ", robot.arm_dof() - 1,
+                      "], got ", options.elbow_joint);
     }
   }
 
@@ -116,8 +116,8 @@ class CameraOcclusion : public Task<R> {
     const auto& description = robot.description();
     const Pose<Scalar>& mount = description.arm_mount;
     const Matrix3<Scalar> c_R_v = description.camera.linear().transpose();
-    const Vector3<Scalar> elbow = mount * Vector3<Scalar>(
-        robot.arm_state().points.col(options_.elbow_joint));
+    const Vector3<Scalar> elbow =
+        mount * Vector3<Scalar>(robot.arm_state().points.col(options_.elbow_joint));
     const Vector3<Scalar> p = c_R_v * (elbow - description.camera.translation());
     const Scalar range = p.norm();
     auto J = this->jacobian_.row(0).head(robot.arm_dof());

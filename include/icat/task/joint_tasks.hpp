@@ -22,8 +22,8 @@ class JointLimits : public Task<R> {
   struct Options {
     /// What errors and logs call it.
     std::string name = "joint limits";
-    Scalar margin{static_cast<Scalar>(0.1)};  ///< β, rad or m
-    Scalar gain{1};                           ///< γ, 1/s
+    Scalar margin{static_cast<Scalar>(0.1)};                   ///< β, rad or m
+    Scalar gain{1};                                            ///< γ, 1/s
     Scalar max_rate{std::numeric_limits<Scalar>::infinity()};  ///< rad/s, m/s
   };
 
@@ -91,8 +91,8 @@ class Manipulability : public Task<R> {
   Objective<Scalar> objective_;
 };
 
-/// The arm near a preferred shape q* [Coop, II-D2], [MARIS, III-B7]: component by component to zero,
-/// or an objective on ‖q − q*‖ where `norm` is given (Coop, Remark 1).
+/// The arm near a preferred shape q* [Coop, II-D2], [MARIS, III-B7]: component by component to
+/// zero, or an objective on ‖q − q*‖ where `norm` is given (Coop, Remark 1).
 template <VehicleManipulator R>
 class PreferredShape : public Task<R> {
  public:

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// A frame of the robot to a goal frame: tool pose, its position or orientation alone, vehicle pose.
+/// A frame of the robot to a goal frame: tool pose, its position or orientation alone, vehicle
+/// pose.
 ///
 ///     r = p_goal − p,   ϑ the rotation vector from the frame to its goal, components on ⟨0⟩
 ///
-/// Component form [Coop, Eq. (15)]: ẋ is the frame's velocity, ẋ̄ = γ [r; ϑ], a straight line and one
-/// fixed axis. Norm form [Coop, Eq. (14), Remark 1]: x₁ = ‖r‖, x₂ = ‖ϑ‖, one row each. ϑ fades out
-/// before it would flip at π, see rigid_motion.hpp.
+/// Component form [Coop, Eq. (15)]: ẋ is the frame's velocity, ẋ̄ = γ [r; ϑ], a straight line and
+/// one fixed axis. Norm form [Coop, Eq. (14), Remark 1]: x₁ = ‖r‖, x₂ = ‖ϑ‖, one row each. ϑ fades
+/// out before it would flip at π, see rigid_motion.hpp.
 #pragma once
 
 #include <limits>
@@ -30,10 +31,10 @@ struct PoseNorms {
 /// Settings of the pose tasks.
 template <class Scalar>
 struct PoseTaskOptions {
-  std::string name{};                              ///< empty: the task's own
-  Pose<Scalar> goal{Pose<Scalar>::Identity()};     ///< of the frame, in ⟨0⟩
-  std::optional<PoseNorms<Scalar>> norms{};        ///< given: the norm form
-  Scalar gain{1};                                  ///< γ, 1/s
+  std::string name{};                                                ///< empty: the task's own
+  Pose<Scalar> goal{Pose<Scalar>::Identity()};                       ///< of the frame, in ⟨0⟩
+  std::optional<PoseNorms<Scalar>> norms{};                          ///< given: the norm form
+  Scalar gain{1};                                                    ///< γ, 1/s
   Scalar max_linear_rate{std::numeric_limits<Scalar>::infinity()};   ///< m/s
   Scalar max_angular_rate{std::numeric_limits<Scalar>::infinity()};  ///< rad/s
 };
@@ -157,8 +158,7 @@ class VehiclePose : public PoseTask<R, true, true> {
  public:
   /// @throws std::invalid_argument on settings out of range. Allocates.
   VehiclePose(const R& robot, const PoseTaskOptions<typename R::Scalar>& options)
-      : PoseTask<R, true, true>(robot, options, "vehicle pose"),
-        jacobian_world_(6, robot.dof()) {
+      : PoseTask<R, true, true>(robot, options, "vehicle pose"), jacobian_world_(6, robot.dof()) {
     jacobian_world_.setZero();
   }
 

@@ -117,8 +117,8 @@ class VehicleMotionMinimality : public Task<R> {
   void compute(const R&) noexcept override {}
 };
 
-/// The measured velocity of the components that are not actuated [MARIS, III-B8]. Goes to the top of
-/// the hierarchy; an alternative to `Tpik::reset(rho0, Q0)`.
+/// The measured velocity of the components that are not actuated [MARIS, III-B8]. Goes to the top
+/// of the hierarchy; an alternative to `Tpik::reset(rho0, Q0)`.
 template <VehicleManipulator R>
 class NonActuatedVelocity : public Task<R> {
  public:

@@ -42,20 +42,15 @@ class ParametricTpik {
 
   /// Static size, default options. All constructors throw `std::invalid_argument` on parameters out
   /// of range.
-  ParametricTpik()
-    requires(N != Eigen::Dynamic)
-      : ParametricTpik(N, Options{}, 0) {}
+  ParametricTpik() requires(N != Eigen::Dynamic) : ParametricTpik(N, Options{}, 0) {}
   /// Static size. Throws as above. No allocation.
-  explicit ParametricTpik(const Options& options)
-    requires(N != Eigen::Dynamic)
+  explicit ParametricTpik(const Options& options) requires(N != Eigen::Dynamic)
       : ParametricTpik(N, options, 0) {}
   /// Dynamic size, default options. Throws as above. Allocates.
-  explicit ParametricTpik(Index arm_dof)
-    requires(N == Eigen::Dynamic)
+  explicit ParametricTpik(Index arm_dof) requires(N == Eigen::Dynamic)
       : ParametricTpik(arm_dof, Options{}, 0) {}
   /// Dynamic size. Throws as above. Allocates.
-  ParametricTpik(Index arm_dof, const Options& options)
-    requires(N == Eigen::Dynamic)
+  ParametricTpik(Index arm_dof, const Options& options) requires(N == Eigen::Dynamic)
       : ParametricTpik(arm_dof, options, 0) {}
 
   /// Number of joints.

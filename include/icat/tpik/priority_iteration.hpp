@@ -134,8 +134,8 @@ class PriorityIteration {
   }
 
   /// `out` = `wanted` V, where `wanted` are the first rows of F and eigen_ is that of FᵀF. Where
-  /// small eigenvalues count, eigen_ is sharpened first: on the bell f' is as large as 1/λ². Answers
-  /// whether that was so.
+  /// small eigenvalues count, eigen_ is sharpened first: on the bell f' is as large as 1/λ².
+  /// Answers whether that was so.
   template <class Wanted, class F, class Out>
   bool rotate_and_refine(const Wanted& wanted, const F& factor, Out&& out) noexcept {
     if (!(eigen_.values().minCoeff() < regularization_.threshold)) {

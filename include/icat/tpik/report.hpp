@@ -17,17 +17,18 @@ template <class Scalar>
 struct LevelReport {
   /// Number of rows.
   Index rows{0};
-  Index active_rows{0};          ///< rows with activation > 0
-  bool regularized{false};       ///< a singular value of the level's `XᵀAX` lay below the threshold
-  Scalar saturation_scale{1};    ///< factor on the level's increment, 1 where the bounds allow it all
-  Scalar requested_rate{0};      ///< ‖A ẋ̄‖
-  Scalar achieved_rate{0};       ///< ‖A J ρ‖
-  Scalar tracking_error{0};      ///< ‖A (ẋ̄ − J ρ)‖
-  Status status{Status::ok};     ///< not `ok`: the level was refused and changed nothing
-  Index bad_row{-1};             ///< first row at fault when refused; −1 if no single row is
+  Index active_rows{0};        ///< rows with activation > 0
+  bool regularized{false};     ///< a singular value of the level's `XᵀAX` lay below the threshold
+  Scalar saturation_scale{1};  ///< factor on the level's increment, 1 where the bounds allow it all
+  Scalar requested_rate{0};    ///< ‖A ẋ̄‖
+  Scalar achieved_rate{0};     ///< ‖A J ρ‖
+  Scalar tracking_error{0};    ///< ‖A (ẋ̄ − J ρ)‖
+  Status status{Status::ok};   ///< not `ok`: the level was refused and changed nothing
+  Index bad_row{-1};           ///< first row at fault when refused; −1 if no single row is
 };
 
-/// Levels since the last `reset`. No allocation; levels beyond `capacity` are solved but not listed.
+/// Levels since the last `reset`. No allocation; levels beyond `capacity` are solved but not
+/// listed.
 template <class Scalar>
 class TpikReport {
  public:

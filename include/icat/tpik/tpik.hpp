@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// Task-priority inverse kinematics of the iCAT framework, [Coop, Eq. (20)–(23)], [MARIS, Eq. (12)].
+/// Task-priority inverse kinematics of the iCAT framework, [Coop, Eq. (20)–(23)], [MARIS, Eq.
+/// (12)].
 ///
 ///     ρ₀ = 0, Q₀ = I
 ///     X_k = J_k Q_{k−1}
@@ -43,21 +44,13 @@ class Tpik {
 
   /// Static size, default options. All constructors throw `std::invalid_argument` on parameters out
   /// of range.
-  Tpik()
-    requires(N != Eigen::Dynamic)
-      : Tpik(N, Options{}, 0) {}
+  Tpik() requires(N != Eigen::Dynamic) : Tpik(N, Options{}, 0) {}
   /// Static size. Throws as above. No allocation.
-  explicit Tpik(const Options& options)
-    requires(N != Eigen::Dynamic)
-      : Tpik(N, options, 0) {}
+  explicit Tpik(const Options& options) requires(N != Eigen::Dynamic) : Tpik(N, options, 0) {}
   /// Dynamic size, default options. Throws as above. Allocates.
-  explicit Tpik(Index dof)
-    requires(N == Eigen::Dynamic)
-      : Tpik(dof, Options{}, 0) {}
+  explicit Tpik(Index dof) requires(N == Eigen::Dynamic) : Tpik(dof, Options{}, 0) {}
   /// Dynamic size. Throws as above. Allocates.
-  Tpik(Index dof, const Options& options)
-    requires(N == Eigen::Dynamic)
-      : Tpik(dof, options, 0) {}
+  Tpik(Index dof, const Options& options) requires(N == Eigen::Dynamic) : Tpik(dof, options, 0) {}
 
   /// Degrees of freedom.
   Index dof() const noexcept { return rho_.size(); }
