@@ -65,6 +65,23 @@ icat::Vector<double, 7> shape() {
   return q;
 }
 
+TEST(Tutorial, JacobiansOfYourOwn) {
+  const Eigen::Matrix<double, 2, 13> J1 = Eigen::Matrix<double, 2, 13>::Random();
+  const Eigen::Matrix<double, 6, 13> J2 = Eigen::Matrix<double, 6, 13>::Random();
+  const Eigen::Vector2d activation1(1, 0.4), rate1(0.1, -0.2);
+  const icat::Vector6<double> activation2 = icat::Vector6<double>::Ones(), rate2 = activation2;
+  //! [solver]
+  icat::Tpik<double, 13> tpik;  // Tpik<double>(dof) if only known at run time
+  tpik.reset();
+  icat::Status status = tpik.add_level(J1, activation1, rate1);  // the highest priority first
+  if (status == icat::Status::ok) status = tpik.add_level(J2, activation2, rate2);
+  if (status == icat::Status::ok) status = tpik.minimize_velocity();  // closes the hierarchy
+  const icat::Vector<double, 13> velocity = tpik.velocity();          // finite, whatever came in
+  //! [solver]
+  EXPECT_EQ(status, icat::Status::ok);
+  EXPECT_NEAR(J1.row(0).dot(velocity), 0.1, 1e-9);
+}
+
 TEST(Tutorial, LambdaAndClassAreTheSameTask) {
   Robot robot = make_robot();
   ASSERT_EQ(robot.update(shape(), icat::Pose<double>::Identity()), icat::Status::ok);

@@ -10,6 +10,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 
 #include "icat/core/error.hpp"
 #include "icat/core/types.hpp"
