@@ -165,6 +165,22 @@ TEST(UnifiedHierarchy, IsTheShortestAndContainsEveryAction) {
   }
 }
 
+TEST(UnifiedHierarchy, ManyActionsThatAgreeAreFastAndManyThatDoNotGiveUp) {
+  Tasks tasks;
+  std::vector<Action> agree, conflict;
+  std::mt19937 rng(4);
+  std::string letters = "ABCDEFGHIJKL";
+  for (int a = 0; a < 12; ++a) {
+    agree.push_back(tasks.action(std::to_string(a), "A < B < C < D < E < F < G < H < I"));
+    std::shuffle(letters.begin(), letters.end(), rng);
+    std::string list;
+    for (const char c : letters) list += std::string(list.empty() ? "" : "<") + c;
+    conflict.push_back(tasks.action(std::to_string(a), list));
+  }
+  EXPECT_EQ(entries(icat::unified_hierarchy(agree)), 9u);
+  EXPECT_THROW(icat::unified_hierarchy(conflict), std::invalid_argument);
+}
+
 TEST(UnifiedHierarchy, BadActionsThrow) {
   Tasks tasks;
   const auto message = [](const std::vector<Action>& actions) -> std::string {
@@ -195,7 +211,7 @@ TEST(Transition, ThousandRandomSwitchSequencesNeverJump) {
     std::vector<double> targets(count), last(count);
     double t = 10 * u(rng);
     for (auto& x : targets) x = rng() % 2 ? 1 : 0;
-    transition.set(targets, t);
+    ASSERT_EQ(transition.set(targets, t), icat::Status::ok);
     last = targets;
     double duration = 1;
     const double dt = 1e-3;
@@ -228,7 +244,7 @@ TEST(Transition, ThousandRandomSwitchSequencesNeverJump) {
 TEST(Transition, TakesTheTimeItWasGiven) {
   icat::Transition<double> transition(1);
   const std::vector<double> one{1}, zero{0};
-  transition.set(zero, 5);
+  ASSERT_EQ(transition.set(zero, 5), icat::Status::ok);
   ASSERT_EQ(transition.start(one, 5, 2), icat::Status::ok);
   ASSERT_EQ(transition.update(6), icat::Status::ok);
   EXPECT_EQ(transition.values()[0], 0.5);
@@ -243,7 +259,12 @@ TEST(Transition, TakesTheTimeItWasGiven) {
 TEST(Transition, RefusesBadInput) {
   icat::Transition<double> transition(2);
   const std::vector<double> targets{1, 0}, three{1, 0, 1};
-  transition.set(targets, 1);
+  ASSERT_EQ(transition.set(targets, 1), icat::Status::ok);
+  const std::vector<double> negative{-0.1, 0}, not_a_number{NAN, 0};
+  EXPECT_EQ(transition.set(three, 1), icat::Status::wrong_size);
+  EXPECT_EQ(transition.set(targets, NAN), icat::Status::non_finite);
+  EXPECT_EQ(transition.start(negative, 1, 1), icat::Status::activation_out_of_range);
+  EXPECT_EQ(transition.start(not_a_number, 1, 1), icat::Status::activation_out_of_range);
   EXPECT_EQ(transition.start(three, 1, 1), icat::Status::wrong_size);
   EXPECT_EQ(transition.start(targets, 1, 0), icat::Status::invalid_duration);
   EXPECT_EQ(transition.start(targets, 1, NAN), icat::Status::invalid_duration);

@@ -143,9 +143,14 @@ TEST_F(ControllerTest, BadInputLeavesASafeVelocityAndNamesTheLevel) {
   EXPECT_EQ(controller.switch_to("reach", 0, -1), Status::invalid_duration);
   EXPECT_EQ(controller.action(), "");
   ASSERT_EQ(controller.start("reach", 1), Status::ok);
-  EXPECT_EQ(controller.step(0.5), Status::time_reversed);
-  EXPECT_EQ(controller.step(NAN), Status::non_finite);
   ASSERT_EQ(controller.step(1), Status::ok);
+  // A call that comes late keeps what there was; it does not stop the robot.
+  const Vector13d before = controller.velocity();
+  EXPECT_GT(before.norm(), 0);
+  EXPECT_EQ(controller.step(0.5), Status::time_reversed);
+  EXPECT_EQ(controller.step_arm(0.99, measured), Status::time_reversed);
+  EXPECT_EQ(controller.step(NAN), Status::non_finite);
+  EXPECT_EQ(controller.velocity(), before);
 
   icat::Pose<double> goal = tool.goal();
   goal.translation().y() = NAN;
@@ -162,6 +167,46 @@ TEST_F(ControllerTest, BadInputLeavesASafeVelocityAndNamesTheLevel) {
   ASSERT_EQ(passive.start("travel", 0), Status::ok);
   EXPECT_EQ(passive.step(0, bad), Status::non_finite);
   EXPECT_EQ(passive.velocity(), Vector13d::Zero());
+}
+
+// What made a level be refused must not outlive the task's part in it.
+TEST_F(ControllerTest, RecoversWhenTheFaultIsGone) {
+  Controller controller(robot, actions);
+  const icat::Pose<double> good = tool.goal();
+  icat::Pose<double> bad = good;
+  bad.translation().x() = NAN;
+  ASSERT_EQ(controller.start("reach", 0), Status::ok);
+  tool.set_goal(bad);
+  EXPECT_EQ(controller.step(0.01), Status::non_finite);
+  ASSERT_EQ(controller.switch_to("travel", 0.02, 0.5), Status::ok);
+  EXPECT_EQ(controller.step(0.1), Status::non_finite);  // still fading out
+  EXPECT_EQ(controller.step(0.6), Status::ok);
+  EXPECT_GT(controller.velocity().norm(), 0);
+  tool.set_goal(good);
+  ASSERT_EQ(controller.switch_to("reach", 0.7, 0.5), Status::ok);
+  EXPECT_EQ(controller.step(1.0), Status::ok);
+}
+
+TEST_F(ControllerTest, ATaskThatResizesWhatItYieldsIsRefused) {
+  using Function = task::FunctionTask<Robot>;
+  Function grows(robot, {.name = "grows",
+                         .evaluate =
+                             [](const Robot& r, Function::Rows&, Function::Jacobian& J) {
+                               J = r.tool_jacobian(icat::Frame::world).topRows<3>();
+                             },
+                         .objective = Objective::equal_to(0)});
+  Function shrinks(
+      robot, {.name = "shrinks",
+              .rows = 2,
+              .evaluate = [](const Robot&, Function::Rows& x, Function::Jacobian&) { x.resize(1); },
+              .objective = Objective::equal_to(0)});
+  for (Function* f : {&grows, &shrinks}) {
+    Controller controller(robot, {{"reach", {{limits}, {*f}, {tool}}}});
+    ASSERT_EQ(controller.start("reach", 0), Status::ok);
+    EXPECT_EQ(controller.step(0), Status::non_finite);
+    EXPECT_EQ(controller.report().failed_level(), 1);
+    EXPECT_TRUE(controller.velocity().allFinite());
+  }
 }
 
 TEST_F(ControllerTest, DoesNotAllocate) {

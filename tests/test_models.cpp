@@ -157,6 +157,12 @@ TYPED_TEST(Models, BadStatesAreRefused) {
   auto vehicle = good.vehicle;
   vehicle.translation().x() = std::numeric_limits<S>::infinity();
   EXPECT_EQ(robot.update(good.q, vehicle), icat::Status::non_finite);
+  vehicle = good.vehicle;
+  vehicle.linear() *= S(2);
+  EXPECT_EQ(robot.update(good.q, vehicle), icat::Status::not_a_rotation);
+  vehicle = good.vehicle;
+  vehicle.linear().col(0) *= S(-1);
+  EXPECT_EQ(robot.update(good.q, vehicle), icat::Status::not_a_rotation);
   EXPECT_EQ(robot.tool().matrix(), tool.matrix());
   EXPECT_EQ(robot.q(), good.q);
 }
@@ -188,10 +194,10 @@ TEST(ModelErrors, ConfigurationThrowsWithNamesAndNumbers) {
   auto bad = I;
   bad.translation().x() = NAN;
   EXPECT_EQ(message_of([&] { Chain({J{}}, bad); }),
-            "SerialChain: the end-effector's pose is not finite");
+            "SerialChain: the end-effector's pose is not finite or not a rotation");
   EXPECT_EQ(
       message_of([&] { icat::Uvms<double, 7>({.arm = icat::maris_arm<double>(), .camera = bad}); }),
-      "Uvms: pose of the camera is not finite");
+      "Uvms: the pose of the camera is not finite or not a rotation");
 }
 
 static_assert(icat::VehicleManipulator<icat::Uvms<double, 7>>);

@@ -282,6 +282,79 @@ TEST(NoJump, ReferencesThroughZeroAndHalfATurn) {
   }
 }
 
+// The arm swings through the optical axis, the vehicle flies through the other vehicle and its
+// goal.
+TEST(NoJump, ReferencesThroughTheKinksOfPositions) {
+  Robot robot = testing_support::make_robot<double>();
+  const auto sweep = [&](Task& t, const std::function<State(double)>& at, bool push_too) {
+    constexpr int steps = 20'000;
+    VectorXd last_reference, last_push;
+    double reference_step = 0, push_step = 0, most_active = 0;
+    for (int i = 0; i <= steps; ++i) {
+      testing_support::displace(robot, at(2.0 * i / steps - 1), Y(Y::Zero()));
+      t.update(robot);
+      const VectorXd push =
+          t.jacobian().transpose() * t.activation().cwiseAbs2().cwiseProduct(t.reference());
+      most_active = std::max(most_active, t.activation().maxCoeff());
+      if (i > 0) {
+        reference_step = std::max(reference_step, (t.reference() - last_reference).norm());
+        push_step = std::max(push_step, (push - last_push).norm());
+      }
+      last_reference = t.reference();
+      last_push = push;
+    }
+    EXPECT_LT(reference_step * steps, 100) << t.name();
+    if (push_too) {
+      EXPECT_LT(push_step * steps, 1000) << t.name();
+    }
+    EXPECT_GT(most_active, 0.9) << t.name();
+  };
+
+  // A camera that looks along the first joint's swing, the elbow on its axis in the middle.
+  Robot::Description d = robot.description();
+  const Vector3<double> elbow =
+      d.arm_mount * Vector3<double>(d.arm.state(preferred()).points.col(3));
+  d.camera.translation() = elbow - d.arm_mount.linear() * Vector3<double>(0, 0, 0.5);
+  d.camera.linear() = d.arm_mount.linear();
+  robot = Robot(d);
+  task::CameraOcclusion<Robot> occlusion(
+      robot, {.elbow_joint = 3, .minimum_angle = 0.3, .margin = 0.1, .gain = gain});
+  sweep(
+      occlusion,
+      [](double u) {
+        icat::Vector<double, 7> q = preferred();
+        q(1) += 0.8 * u;
+        return State{"", q, icat::Pose<double>::Identity()};
+      },
+      true);
+
+  const auto fly = [](double u) {
+    return State{"", preferred(), testing_support::make_pose<double>(u, 0, 0, 0, 0, 0)};
+  };
+  task::VehicleDistance<Robot> distance(
+      robot, {.other = {0, 0, 0}, .minimum = 0.8, .margin = 0.1, .gain = gain});
+  sweep(distance, fly, true);
+  task::VehiclePose<Robot> vehicle(
+      robot,
+      {.norms = task::PoseNorms<double>{Objective::at_most(0.2, 0.1), Objective::at_most(0.2, 0.1)},
+       .gain = gain});
+  sweep(vehicle, fly, true);
+
+  // Joints from limit to limit; μ has a kink where the arm is singular, its rate has not.
+  const auto bend = [](double u) {
+    icat::Vector<double, 7> q = preferred();
+    q(3) = -1.47 + 1.48 * u;
+    return State{"", q, icat::Pose<double>::Identity()};
+  };
+  task::JointLimits<Robot> limits(robot, {.gain = gain});
+  sweep(limits, bend, true);
+  task::Manipulability<Robot> mu(robot, {.minimum = 0.05, .margin = 0.05, .gain = gain});
+  sweep(mu, bend, false);
+  task::PreferredShape<Robot> shape(
+      robot, {.shape = preferred(), .norm = Objective::at_most(0.5, 0.2), .gain = gain});
+  sweep(shape, bend, true);
+}
+
 // --- objectives ----------------------------------------------------------------------------------
 
 TEST(Objectives, ActivationsFollowTheFormulas) {
@@ -352,6 +425,19 @@ TEST(TaskErrors, ConfigurationThrowsWithNamesAndNumbers) {
                   robot, {.name = "f", .evaluate = {}, .objective = Objective::equal_to(0)});
             }),
             "task 'f': evaluate is empty");
+  EXPECT_EQ(
+      message_of([&] {
+        task::VehicleDistance<Robot>(robot, {.other = {nan, 0, 0}, .minimum = 1, .margin = 1});
+      }),
+      "task 'vehicle distance': the other vehicle's position is not finite");
+  EXPECT_EQ(message_of([&] {
+              task::CameraCentering<Robot>(robot, {.target = {0, nan, 0}});
+            }),
+            "task 'camera centering': the target is not finite");
+  icat::Pose<double> goal = icat::Pose<double>::Identity();
+  goal.linear() *= 2;
+  EXPECT_EQ(message_of([&] { task::ToolPose<Robot>(robot, {.goal = goal}); }),
+            "task 'tool pose': the goal is not finite or not a rotation");
   icat::Vector<double, 7> shape = icat::Vector<double, 7>::Constant(nan);
   EXPECT_EQ(message_of([&] { task::PreferredShape<Robot>(robot, {.shape = shape}); }),
             "task 'preferred shape': the shape is not finite");
@@ -386,7 +472,7 @@ TEST(Catalogue, RatesAreLimitedAsAWhole) {
   tool.update(robot);
   EXPECT_LT((tool.reference().head<3>() - Vector3<double>(0.3, 0.4, 0)).norm(), 1e-12);
   task::VehicleDistance distance(
-      robot, {.other = {0.1, 0, 0}, .minimum = 2, .margin = 0.5, .max_rate = 0.2});
+      robot, {.other = {0.5, 0, 0}, .minimum = 2, .margin = 0.5, .max_rate = 0.2});
   distance.update(robot);
   EXPECT_EQ(distance.reference()(0), 0.2);
   EXPECT_EQ(distance.activation()(0), 1);

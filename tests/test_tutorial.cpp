@@ -75,10 +75,11 @@ TEST(Tutorial, JacobiansOfYourOwn) {
   tpik.reset();
   icat::Status status = tpik.add_level(J1, activation1, rate1);  // the highest priority first
   if (status == icat::Status::ok) status = tpik.add_level(J2, activation2, rate2);
-  if (status == icat::Status::ok) status = tpik.minimize_velocity();  // closes the hierarchy
-  const icat::Vector<double, 13> velocity = tpik.velocity();          // finite, whatever came in
+  const icat::Status closing = tpik.minimize_velocity();      // always, last
+  const icat::Vector<double, 13> velocity = tpik.velocity();  // finite, whatever came in
   //! [solver]
   EXPECT_EQ(status, icat::Status::ok);
+  EXPECT_EQ(closing, icat::Status::ok);
   EXPECT_NEAR(J1.row(0).dot(velocity), 0.1, 1e-9);
 }
 
@@ -101,7 +102,9 @@ TEST(Tutorial, TheJacobianIsChecked) {
   Robot robot = make_robot();
   const icat::Vector<double, 7> q = shape();
   const icat::Pose<double> vehicle = icat::Pose<double>::Identity();
-  ToolAltitude task(robot, {.seabed = 3, .minimum = 0.3, .margin = 0.1, .gain = 1});
+  EXPECT_EQ(robot.update(q, vehicle), icat::Status::ok);
+  const double seabed = robot.tool().translation().z() + 0.35;  // where the rate is not limited
+  ToolAltitude task(robot, {.seabed = seabed, .minimum = 0.3, .margin = 0.1, .gain = 1});
 
   // x as a function of a small displacement [Δq; twist]: x = x* − ẋ̄ / γ.
   const auto x = [&](const icat::Vector<double, 13>& d) {

@@ -21,6 +21,7 @@ int main() {
     if (status == icat::Status::ok) status = controller.step(t);
     plant.step(controller.joint_velocity(), controller.vehicle_velocity(), t, dt);
   }
+  std::cout.precision(2);
   std::cout << icat::describe(status) << ": tool error "
             << 1e3 * (goal.translation() - robot.tool().translation()).norm()
             << " mm, vehicle moved " << plant.vehicle().translation().norm() << " m\n";

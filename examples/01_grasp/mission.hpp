@@ -270,6 +270,7 @@ inline Result run(const Variant& variant, double dt = 0.01) {
   constexpr double time_limit = 40;
   constexpr double position_tolerance = 5e-4, orientation_tolerance = 5e-4;  // m, rad
   icat::Status status = enter("navigate", 0);
+  double arrived = -1;  // when the vehicle came to hover; it stays for 3 s before it grasps
   Eigen::Matrix<double, 13, 1> last = Eigen::Matrix<double, 13, 1>::Zero();
   //! [loop]
   for (int cycle = 0; status == icat::Status::ok; ++cycle) {
@@ -294,9 +295,10 @@ inline Result run(const Variant& variant, double dt = 0.01) {
     const double in_phase = t - result.phases.back().second;
     const bool at_goal = s.position_error < position_tolerance &&
                          s.orientation_error < orientation_tolerance && !controller.in_transition();
-    if (s.action == "navigate" &&
-        ((s.vehicle_position < hover_position && s.vehicle_orientation < hover_orientation) ||
-         in_phase > time_limit)) {
+    const bool hovering =
+        s.vehicle_position < hover_position && s.vehicle_orientation < hover_orientation;
+    if (hovering && arrived < 0) arrived = t;
+    if (s.action == "navigate" && ((arrived >= 0 && t >= arrived + 3) || in_phase > time_limit)) {
       status = enter("grasp", t);
     } else if (s.action == "grasp") {
       // In a current the error never settles: hold for 40 s, judge the last 10 of them, and close

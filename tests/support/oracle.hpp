@@ -5,7 +5,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <functional>
 
 #include "random_hierarchy.hpp"
 
@@ -38,9 +37,6 @@ struct LiteralTpik {
   Vec<Real> rho;
   Mat<Real> Q;
   Vec<Real> increment;
-  /// Optional `Sat`: the factor for (ρ, Δ).
-  std::function<Real(const Vec<Real>&, const Vec<Real>&)> sat;
-  Real scale = 1;
 
   void add(const Mat<Real>& J, const Vec<Real>& a, const Vec<Real>& reference) {
     const Mat<Real> I = Mat<Real>::Identity(Q.rows(), Q.rows());
@@ -48,8 +44,7 @@ struct LiteralTpik {
     const Mat<Real> W = X * pseudo_inverse<Real>(X, a, Q, p);
     const Mat<Real> X_I = pseudo_inverse<Real>(X, a, I, p);
     increment = Q * X_I * W * (reference - J * rho);
-    scale = sat ? sat(rho, increment) : Real(1);
-    rho += scale * increment;
+    rho += increment;
     Q = (Q * (I - X_I * X)).eval();
   }
   void close() {
@@ -62,7 +57,7 @@ struct LiteralTpik {
 
 template <class Real>
 LiteralTpik<Real> start(const RandomHierarchy& h, const Parameters<Real>& p = {}) {
-  return {p, h.rho0.cast<Real>(), h.Q0.cast<Real>(), Vec<Real>::Zero(h.dof), {}, Real(1)};
+  return {p, h.rho0.cast<Real>(), h.Q0.cast<Real>(), Vec<Real>::Zero(h.dof)};
 }
 
 /// ẏ of the whole hierarchy.

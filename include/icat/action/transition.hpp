@@ -29,14 +29,17 @@ class Transition {
   std::size_t count() const noexcept { return value_.size(); }
 
   /// All values at once, for the start of a mission: there is nothing to be continuous with.
-  void set(std::span<const Scalar> values, Scalar now) noexcept {
+  Status set(std::span<const Scalar> values, Scalar now) noexcept {
+    if (const Status status = check(values); status != Status::ok) return status;
+    if (!std::isfinite(now)) return Status::non_finite;
     for (std::size_t i = 0; i < count(); ++i) start_[i] = target_[i] = value_[i] = values[i];
     begin_ = now_ = now;
+    return Status::ok;
   }
 
   /// From the present values to `targets` (in [0, 1]) over `duration` seconds from `now` on.
   Status start(std::span<const Scalar> targets, Scalar now, Scalar duration) noexcept {
-    if (targets.size() != count()) return Status::wrong_size;
+    if (const Status status = check(targets); status != Status::ok) return status;
     if (!(duration > Scalar(0)) || !std::isfinite(duration)) return Status::invalid_duration;
     if (const Status status = update(now); status != Status::ok) return status;
     for (std::size_t i = 0; i < count(); ++i) {
@@ -68,6 +71,14 @@ class Transition {
   bool finished() const noexcept { return now_ >= begin_ + duration_; }
 
  private:
+  Status check(std::span<const Scalar> values) const noexcept {
+    if (values.size() != count()) return Status::wrong_size;
+    for (const Scalar a : values) {
+      if (!(a >= Scalar(0) && a <= Scalar(1))) return Status::activation_out_of_range;
+    }
+    return Status::ok;
+  }
+
   std::vector<Scalar> start_, target_, value_;
   Scalar begin_{0}, duration_{1}, now_{-std::numeric_limits<Scalar>::infinity()};
 };

@@ -56,10 +56,16 @@ class HierarchySearch {
     std::priority_queue<Node, std::vector<Node>, std::greater<>> open;
     std::set<State> closed;
     open.push({bound(start, 0, 0), {}, {}, start, 0});
+    // Orders that agree need one state for each level; many that conflict grow without bound.
+    constexpr std::size_t most = 100'000;
     while (true) {
       const Node node = open.top();
       open.pop();
       if (!closed.insert(node.state).second) continue;
+      if (open.size() > most) {
+        invalid("unified_hierarchy: the orders of ", sequences_.size(),
+                " actions conflict too much for a shortest list; use fewer actions");
+      }
       const std::size_t unfinished = unfinished_mask(node.state);
       if (unfinished == 0) return node.moves;
       // Every nonempty subset of the unfinished actions may put its next level here.
@@ -153,8 +159,9 @@ void check_actions(const std::vector<Action<R>>& actions) {
 
 }  // namespace detail
 
-/// The shortest unified list of up to 16 actions. Time grows with the number of actions and of
-/// conflicts between them; for configuration, not for the control step. Allocates.
+/// The shortest unified list of up to 16 actions. Fast where their orders agree; grows with the
+/// number of conflicts, and gives up with an exception rather than take minutes. For configuration,
+/// not for the control step. Allocates.
 /// @throws std::invalid_argument on no actions, two of the same name, an empty level, or a task
 /// that
 ///         stands twice in one action.

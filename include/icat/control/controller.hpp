@@ -11,6 +11,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 #include <string_view>
 #include <vector>
 
@@ -87,11 +88,10 @@ class Controller {
   Status start(std::string_view action, Scalar time) noexcept {
     const std::size_t index = find(action);
     if (index == names_.size()) return Status::unknown_action;
-    if (!std::isfinite(time)) return Status::non_finite;
     set_targets(index);
-    transition_.set(targets_, time);
-    action_ = index;
-    return Status::ok;
+    const Status status = transition_.set(targets_, time);
+    if (status == Status::ok) action_ = index;
+    return status;
   }
 
   /// Moves to `action` over `duration` seconds, from the activations as they are now (all 0 before
@@ -106,11 +106,15 @@ class Controller {
   }
 
   /// One control cycle by the scheme of the options. `measured` is the vehicle's velocity,
-  /// components on ⟨v⟩. On bad input the iteration ends above the level at fault, whose index is in
-  /// the report: the velocity is finite, inside the bounds, and serves what has a higher priority.
+  /// components on ⟨v⟩. Times of all steps are on one clock. On bad input:
+  /// - a level at fault: the iteration ends above it; its index is in the report, and what has a
+  ///   higher priority is still served;
+  /// - a measured velocity that is needed and not finite: zero velocity;
+  /// - a time at fault, or no action yet: the velocity stays what it was.
+  /// The velocity is always finite, and inside the bounds in what may be chosen.
   Status step(Scalar time, const Vector6<Scalar>& measured = Vector6<Scalar>::Zero()) noexcept {
     Status status = prepare(time);
-    if (status != Status::ok) return stop(status);
+    if (status != Status::ok) return status;
     status = solve(vehicle_tpik_, vehicle_Q0_, measured);
     velocity_ = vehicle_tpik_.velocity();
     if (options_.scheme == Scheme::parallel) {
@@ -123,7 +127,7 @@ class Controller {
   /// TPIK 1 alone, at the vehicle's rate: a new `vehicle_velocity`.
   Status step_vehicle(Scalar time, const Vector6<Scalar>& measured) noexcept {
     Status status = prepare(time);
-    if (status != Status::ok) return stop(status);
+    if (status != Status::ok) return status;
     status = solve(vehicle_tpik_, vehicle_Q0_, measured);
     velocity_.template tail<6>() = vehicle_tpik_.velocity().template tail<6>();
     return status;
@@ -131,7 +135,7 @@ class Controller {
   /// TPIK 2 alone, at the arm's rate: a new `joint_velocity`.
   Status step_arm(Scalar time, const Vector6<Scalar>& measured) noexcept {
     Status status = prepare(time);
-    if (status != Status::ok) return stop(status);
+    if (status != Status::ok) return status;
     status = solve(arm_tpik_, arm_Q0_, measured);
     velocity_.head(robot_.arm_dof()) = arm_tpik_.velocity().head(robot_.arm_dof());
     return status;
@@ -191,11 +195,6 @@ class Controller {
         targets_[i++] = entry.in_action[action] ? Scalar(1) : Scalar(0);
     }
   }
-  Status stop(Status status) noexcept {
-    velocity_.setZero();
-    return status;
-  }
-
   /// Phase activations at `time`, tasks at the robot's state, rows stacked level by level.
   Status prepare(Scalar time) noexcept {
     if (action_ == none) return Status::not_started;
@@ -210,17 +209,31 @@ class Controller {
       for (const auto& entry : hierarchy_[k]) {
         const Scalar phase = transition_.values()[i++];
         const Index rows = entry.task->rows();
-        if (phase > Scalar(0)) {
-          stack.jacobian.middleRows(row, rows) = entry.task->jacobian();
-          stack.reference.segment(row, rows) = entry.task->reference();
-          stack.activation.segment(row, rows) = phase * entry.task->activation();
+        auto jacobian = stack.jacobian.middleRows(row, rows);
+        auto reference = stack.reference.segment(row, rows);
+        auto activation = stack.activation.segment(row, rows);
+        if (!(phase > Scalar(0))) {
+          // Old values could be what made the level be refused; the solver checks inactive rows
+          // too.
+          jacobian.setZero();
+          reference.setZero();
+          activation.setZero();
+        } else if (fits(*entry.task)) {
+          jacobian = entry.task->jacobian();
+          reference = entry.task->reference();
+          activation = phase * entry.task->activation();
         } else {
-          stack.activation.segment(row, rows).setZero();
+          reference.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
         }
         row += rows;
       }
     }
     return Status::ok;
+  }
+  /// A task may have resized what it yields; its level is then refused.
+  bool fits(const Task<R>& task) const noexcept {
+    return task.jacobian().rows() == task.rows() && task.jacobian().cols() == robot_.dof() &&
+           task.reference().size() == task.rows() && task.activation().size() == task.rows();
   }
   bool wanted(const Task<R>* task) const noexcept {
     std::size_t i = 0;

@@ -12,6 +12,7 @@ enum class [[nodiscard]] Status{
     non_finite,               ///< NaN or infinity in the input
     wrong_size,               ///< rows or columns do not match
     activation_out_of_range,  ///< an activation outside [0, 1]
+    not_a_rotation,           ///< a rotation matrix that is none
     numerical_failure,        ///< finite input, but its products overflow the scalar type
     time_reversed,            ///< the caller's time is before the previous one
     invalid_duration,         ///< a transition must take a finite time > 0
@@ -30,6 +31,8 @@ constexpr const char* describe(Status status) noexcept {
       return "wrong size of Jacobian, activation or reference";
     case Status::activation_out_of_range:
       return "activation outside [0, 1]";
+    case Status::not_a_rotation:
+      return "a rotation matrix that is not orthonormal";
     case Status::numerical_failure:
       return "overflow in the solver";
     case Status::time_reversed:

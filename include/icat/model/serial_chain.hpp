@@ -92,8 +92,8 @@ class SerialChain {
       lower_(j) = joint.lower;
       upper_(j) = joint.upper;
     }
-    if (!end_effector.matrix().allFinite()) {
-      detail::invalid("SerialChain: the end-effector's pose is not finite");
+    if (!is_rigid(end_effector)) {
+      detail::invalid("SerialChain: the end-effector's pose is not finite or not a rotation");
     }
   }
 

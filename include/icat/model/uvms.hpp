@@ -46,10 +46,12 @@ class Uvms {
   };
 
   /// Starts at q = 0 with ⟨v⟩ = ⟨0⟩.
-  /// @throws std::invalid_argument if a mounting pose is not finite.
+  /// @throws std::invalid_argument if a mounting pose is not finite or its rotation is none.
   explicit Uvms(const Description& description) : description_(description) {
     const auto check = [](const char* name, const Pose<Scalar>& pose) {
-      if (!pose.matrix().allFinite()) detail::invalid("Uvms: pose of the ", name, " is not finite");
+      if (!is_rigid(pose)) {
+        detail::invalid("Uvms: the pose of the ", name, " is not finite or not a rotation");
+      }
     };
     check("arm mount", description.arm_mount);
     check("camera", description.camera);
@@ -66,10 +68,11 @@ class Uvms {
   /// The arm.
   const Arm& arm() const noexcept { return description_.arm; }
 
-  /// New state: joint positions (rad, m) and pose of ⟨v⟩ in ⟨0⟩. NaN or infinity: refused, the
-  /// state stays. No allocation.
+  /// New state: joint positions (rad, m) and pose of ⟨v⟩ in ⟨0⟩. NaN, infinity or a matrix that is
+  /// no rotation: refused, the state stays. No allocation.
   Status update(const VectorQ& q, const Pose<Scalar>& vehicle) noexcept {
     if (!q.allFinite() || !vehicle.matrix().allFinite()) return Status::non_finite;
+    if (!is_rigid(vehicle)) return Status::not_a_rotation;
     compute(q, vehicle);
     return Status::ok;
   }

@@ -6,6 +6,7 @@
 /// the optical axis (z of ⟨c⟩) is the angle θ, or the vector ξ = θ n, see rigid_motion.hpp.
 #pragma once
 
+#include <algorithm>
 #include <limits>
 #include <optional>
 
@@ -38,6 +39,9 @@ class CameraCentering : public Task<R> {
       : Task<R>(options.name, options.norm ? 1 : 2, robot.dof()), options_(options) {
     this->require_gain(options.gain);
     this->require_rate("max_rate", options.max_rate);
+    if (!options.target.allFinite()) {
+      detail::invalid("task '", options.name, "': the target is not finite");
+    }
   }
   /// New target, components on ⟨0⟩, m.
   void set_target(const Vector3<Scalar>& target) noexcept { options_.target = target; }
@@ -105,6 +109,7 @@ class CameraOcclusion : public Task<R> {
         objective_(Objective<Scalar>::at_least(options.minimum_angle, options.margin)) {
     this->require_gain(options.gain);
     this->require_rate("max_rate", options.max_rate);
+    this->require_above_zero("minimum_angle", options.minimum_angle);
     if (options.elbow_joint < 0 || options.elbow_joint >= robot.arm_dof()) {
       detail::invalid("task '", options.name, "': elbow_joint must be in [0, ", robot.arm_dof() - 1,
                       "], got ", options.elbow_joint);
@@ -134,6 +139,9 @@ class CameraOcclusion : public Task<R> {
         mount.linear();
     J = g.lazyProduct(robot.arm().point_jacobian(robot.arm_state(), options_.elbow_joint));
     this->set_scalar(0, m.angle, objective_, options_.gain, options_.max_rate);
+    // On the optical axis the gradient flips; the row fades out before it does.
+    const Scalar fade = std::min(Scalar(0.1), options_.minimum_angle / Scalar(2));
+    this->activation_(0) *= smooth_step(m.angle / fade);
   }
 
   Options options_;

@@ -19,7 +19,7 @@ class FunctionTask : public Task<R> {
   using typename Task<R>::Jacobian;
   using typename Task<R>::Rows;
   /// Fills x (rows) and J (rows × dof; zero at the first call, then as it was left). Called in the
-  /// control step: must not throw, should not allocate.
+  /// control step: must not throw, should not allocate. If it resizes either, the level is refused.
   using Function = std::function<void(const R& robot, Rows& x, Jacobian& J)>;
   /// Settings, with defaults.
   struct Options {
@@ -49,6 +49,10 @@ class FunctionTask : public Task<R> {
  private:
   void compute(const R& robot) noexcept override {
     options_.evaluate(robot, x_, this->jacobian_);
+    if (x_.size() != this->rows()) {  // The lambda resized it: the solver is to refuse the level.
+      this->reference_.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
+      return;
+    }
     for (Index i = 0; i < this->rows(); ++i) {
       this->set_scalar(i, x_(i), options_.objective, options_.gain, options_.max_rate);
     }

@@ -104,7 +104,8 @@ class PreferredShape : public Task<R> {
   struct Options {
     /// What errors and logs call it.
     std::string name = "preferred shape";
-    VectorQ shape;  ///< q*, rad or m
+    /// q*, rad or m
+    VectorQ shape{VectorQ::Constant(std::numeric_limits<Scalar>::quiet_NaN())};
     /// Given: the norm form with this objective. Not given: the component form.
     std::optional<Objective<Scalar>> norm{};
     /// γ, 1/s, > 0.

@@ -62,6 +62,9 @@ class PoseTask : public Task<R> {
     this->require_gain(options.gain);
     this->require_rate("max_linear_rate", options.max_linear_rate);
     this->require_rate("max_angular_rate", options.max_angular_rate);
+    if (!is_rigid(options.goal)) {
+      detail::invalid("task '", this->name(), "': the goal is not finite or not a rotation");
+    }
   }
 
   /// `frame` in ⟨0⟩ and its Jacobian, 6 × dof, components on ⟨0⟩.

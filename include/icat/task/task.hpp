@@ -36,7 +36,7 @@ class Task {
   /// What errors and logs call it.
   const std::string& name() const noexcept { return name_; }
   /// Number of rows.
-  Index rows() const noexcept { return reference_.size(); }
+  Index rows() const noexcept { return rows_; }
 
   /// Reads the robot's present state.
   void update(const R& robot) noexcept { compute(robot); }
@@ -54,7 +54,8 @@ class Task {
       : jacobian_(Jacobian::Zero(rows, dof)),
         reference_(Rows::Zero(rows)),
         activation_(Rows::Ones(rows)),
-        name_(std::move(name)) {}
+        name_(std::move(name)),
+        rows_(rows) {}
 
   /// Fills `jacobian_`, `reference_` and `activation_`; what is not filled keeps its value.
   virtual void compute(const R& robot) noexcept = 0;
@@ -98,6 +99,7 @@ class Task {
 
  private:
   std::string name_;
+  Index rows_;
 };
 
 }  // namespace icat

@@ -70,9 +70,13 @@ class VehicleDistance : public Task<R> {
   struct Options {
     /// What errors and logs call it.
     std::string name = "vehicle distance";
-    Vector3<Scalar> other;  ///< origin of the other vehicle's frame, components on ⟨0⟩, m
-    Scalar minimum;         ///< d_m, m
-    Scalar margin;          ///< m
+    /// @cond
+    static constexpr Scalar unset = std::numeric_limits<Scalar>::quiet_NaN();
+    /// @endcond
+    Vector3<Scalar> other{unset, unset,
+                          unset};  ///< origin of the other vehicle's frame, components on ⟨0⟩, m
+    Scalar minimum;                ///< d_m, m
+    Scalar margin;                 ///< m
     /// γ, 1/s, > 0.
     Scalar gain{1};
     Scalar max_rate{std::numeric_limits<Scalar>::infinity()};  ///< m/s
@@ -85,6 +89,10 @@ class VehicleDistance : public Task<R> {
         objective_(Objective<Scalar>::at_least(options.minimum, options.margin)) {
     this->require_gain(options.gain);
     this->require_rate("max_rate", options.max_rate);
+    this->require_above_zero("minimum", options.minimum);
+    if (!options.other.allFinite()) {
+      detail::invalid("task '", options.name, "': the other vehicle's position is not finite");
+    }
   }
   /// New position of the other vehicle, components on ⟨0⟩, m.
   void set_other(const Vector3<Scalar>& position) noexcept { options_.other = position; }
@@ -94,9 +102,11 @@ class VehicleDistance : public Task<R> {
     const Vector3<Scalar> d = options_.other - robot.vehicle().translation();
     const Scalar distance = d.norm();
     auto J = this->jacobian_.row(0).segment(robot.arm_dof(), 3);
-    J.setZero();  // Coincident vehicles: the mean of both sides of the kink.
+    J.setZero();
     if (distance > Scalar(0)) J = -(d / distance).transpose() * robot.vehicle().linear();
     this->set_scalar(0, distance, objective_, options_.gain, options_.max_rate);
+    // Where the two coincide the gradient flips; the row fades out before it does.
+    this->activation_(0) *= smooth_step(Scalar(10) * distance / options_.minimum);
   }
 
   Options options_;

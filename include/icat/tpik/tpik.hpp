@@ -173,19 +173,15 @@ class Tpik {
   template <class J, class A, class R>
   void rate_norms(const J& jacobian, const A& activation, const R& reference,
                   LevelReport<Scalar>& level) const noexcept {
-    Scalar requested(0), achieved(0), error(0);
     for (Index i = 0; i < level.rows; ++i) {
       const Scalar a = activation(i);
       if (a == Scalar(0)) continue;
       const Scalar x = a * reference(i);
       const Scalar y = a * jacobian.row(i).dot(rho_.transpose());
-      requested += x * x;
-      achieved += y * y;
-      error += (x - y) * (x - y);
+      level.requested_rate = std::hypot(level.requested_rate, x);
+      level.achieved_rate = std::hypot(level.achieved_rate, y);
+      level.tracking_error = std::hypot(level.tracking_error, x - y);
     }
-    level.requested_rate = std::sqrt(requested);
-    level.achieved_rate = std::sqrt(achieved);
-    level.tracking_error = std::sqrt(error);
   }
 
   Options options_;

@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "icat/core/error.hpp"
 #include "icat/core/types.hpp"
@@ -44,15 +45,19 @@ struct VelocityBounds {
   template <class Rho, class Delta>
   Scalar scale(const Rho& rho, const Delta& delta) const noexcept {
     Scalar s(1);
+    // What rounding leaves in a component that a higher level holds at its bound must not stop the
+    // whole level; `advance` keeps it on the bound.
+    const Scalar rounding =
+        Scalar(64) * std::numeric_limits<Scalar>::epsilon() * delta.cwiseAbs().maxCoeff();
     for (Index i = 0; i < rho.size(); ++i) {
       const Scalar d = delta(i);
-      if (d == Scalar(0)) continue;
+      if (std::abs(d) <= rounding) continue;
       const Scalar room = d > Scalar(0) ? upper(i) - rho(i) : lower(i) - rho(i);
       // Compared by multiplication: room / d could overflow for a tiny d.
       if (std::abs(room) >= s * std::abs(d) && (room > Scalar(0)) == (d > Scalar(0))) continue;
       s = (room > Scalar(0)) == (d > Scalar(0)) ? room / d : Scalar(0);
     }
-    return s;
+    return std::max(s, Scalar(0));  // not -0
   }
 
   /// `rho += s delta`; rounding cannot carry a component past a bound it was inside of.
