@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "../examples/01_grasp/mission.hpp"
+#include "support/sanitized.hpp"
 
 namespace {
 
@@ -38,6 +39,7 @@ TEST(GraspMission, FullyActuated) {
 
 // A jump would not shrink with the period; a steep but continuous change does.
 TEST(GraspMission, HalfThePeriodHalvesTheLargestChange) {
+  if (sanitized) GTEST_SKIP();
   const double coarse = grasp::run({}, 0.01).largest_step;
   const double fine = grasp::run({}, 0.005).largest_step;
   EXPECT_LT(fine, 0.65 * coarse);
@@ -51,6 +53,7 @@ TEST(GraspMission, RollAndPitchNotActuated) {
 }
 
 TEST(GraspMission, TheArmCompensatesTheCurrent) {
+  if (sanitized) GTEST_SKIP();
   const grasp::Result without = grasp::run({.current = true});
   const grasp::Result with = grasp::run({.current = true, .compensation = true});
   ASSERT_EQ(without.status, icat::Status::ok);
@@ -65,6 +68,7 @@ TEST(GraspMission, TheArmCompensatesTheCurrent) {
 }
 
 TEST(GraspMission, VelocitiesStayInsideTheirBounds) {
+  if (sanitized) GTEST_SKIP();
   for (const grasp::Variant& v :
        {grasp::Variant{}, grasp::Variant{.current = true, .compensation = true}}) {
     for (const auto& s : grasp::run(v).samples) {

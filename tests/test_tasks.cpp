@@ -12,6 +12,7 @@
 #include <icat/task/vehicle_tasks.hpp>
 #include <memory>
 
+#include "support/sanitized.hpp"
 #include "support/states.hpp"
 
 namespace {
@@ -255,7 +256,7 @@ TEST(NoJump, ReferencesThroughZeroAndHalfATurn) {
     SCOPED_TRACE(c.name);
     Robot robot = testing_support::make_robot<double>();
     const auto task = c.make(robot);
-    constexpr int steps = 20'000;
+    constexpr int steps = sanitized ? 2'000 : 20'000;
     for (const double offset : {0.0, 1e-7, 1e-3}) {
       VectorXd last_reference, last_push;
       double reference_step = 0, push_step = 0;
@@ -287,7 +288,7 @@ TEST(NoJump, ReferencesThroughZeroAndHalfATurn) {
 TEST(NoJump, ReferencesThroughTheKinksOfPositions) {
   Robot robot = testing_support::make_robot<double>();
   const auto sweep = [&](Task& t, const std::function<State(double)>& at, bool push_too) {
-    constexpr int steps = 20'000;
+    constexpr int steps = sanitized ? 2'000 : 20'000;
     VectorXd last_reference, last_push;
     double reference_step = 0, push_step = 0, most_active = 0;
     for (int i = 0; i <= steps; ++i) {

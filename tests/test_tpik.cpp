@@ -5,6 +5,7 @@
 #include <icat/tpik/tpik.hpp>
 
 #include "support/oracle.hpp"
+#include "support/sanitized.hpp"
 
 namespace {
 
@@ -116,7 +117,7 @@ icat::VelocityBounds<double> random_bounds(HierarchyGenerator& gen, const Vector
 class Saturation : public testing::TestWithParam<int> {};
 
 TEST_P(Saturation, StaysInsideTheBoundsAndKeepsEveryIncrementsDirection) {
-  constexpr int per_shard = 520;
+  constexpr int per_shard = sanitized ? 40 : 520;
   int scaled_levels = 0;
   for (int i = 0; i < per_shard; ++i) {
     const unsigned seed = static_cast<unsigned>(GetParam() * per_shard + i);

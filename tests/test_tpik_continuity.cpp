@@ -6,6 +6,7 @@
 #include <icat/tpik/tpik.hpp>
 
 #include "support/random_hierarchy.hpp"
+#include "support/sanitized.hpp"
 
 namespace {
 
@@ -127,7 +128,7 @@ TEST(Continuity, SingularTasks) {
 
 TEST(Continuity, RandomHierarchiesWithConflictsAndSingularRows) {
   int classical_jumps = 0;
-  for (unsigned seed = 0; seed < 24; ++seed) {
+  for (unsigned seed = 0; seed < (sanitized ? 2 : 24); ++seed) {
     SCOPED_TRACE(seed);
     HierarchyGenerator gen(seed);
     RandomHierarchy h = gen.hierarchy(4, 8);
@@ -139,7 +140,9 @@ TEST(Continuity, RandomHierarchiesWithConflictsAndSingularRows) {
     expect_continuous(s);
     if (s.classical > 0.05 && s.classical_tenth > 0.99 * s.classical) ++classical_jumps;
   }
-  EXPECT_GT(classical_jumps, 5);
+  if (!sanitized) {
+    EXPECT_GT(classical_jumps, 5);
+  }
 }
 
 // The increments shrink with the step, which a jump would not do.
