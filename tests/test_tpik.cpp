@@ -144,7 +144,7 @@ TEST_P(Saturation, StaysInsideTheBoundsAndKeepsEveryIncrementsDirection) {
       // s is the largest there is, component by component; what rounding leaves does not count.
       double expected = 1;
       for (Eigen::Index k = 0; k < h.dof; ++k) {
-        if (std::abs(full(k)) <= 1e-13 * full.cwiseAbs().maxCoeff()) continue;
+        if (std::abs(full(k)) <= 4096 * 2.22e-16 * full.cwiseAbs().maxCoeff()) continue;
         const double room = (full(k) > 0 ? bounds.upper(k) : bounds.lower(k)) - before(k);
         expected = std::min(expected, std::max(0.0, room / full(k)));
       }

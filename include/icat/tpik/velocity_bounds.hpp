@@ -48,7 +48,7 @@ struct VelocityBounds {
     // What rounding leaves in a component that a higher level holds at its bound must not stop the
     // whole level; `advance` keeps it on the bound.
     const Scalar rounding =
-        Scalar(64) * std::numeric_limits<Scalar>::epsilon() * delta.cwiseAbs().maxCoeff();
+        Scalar(4096) * std::numeric_limits<Scalar>::epsilon() * delta.cwiseAbs().maxCoeff();
     for (Index i = 0; i < rho.size(); ++i) {
       const Scalar d = delta(i);
       if (std::abs(d) <= rounding) continue;
@@ -57,7 +57,7 @@ struct VelocityBounds {
       if (std::abs(room) >= s * std::abs(d) && (room > Scalar(0)) == (d > Scalar(0))) continue;
       s = (room > Scalar(0)) == (d > Scalar(0)) ? room / d : Scalar(0);
     }
-    return std::max(s, Scalar(0));  // not -0
+    return s > Scalar(0) ? s : Scalar(0);  // not -0
   }
 
   /// `rho += s delta`; rounding cannot carry a component past a bound it was inside of.
