@@ -114,7 +114,10 @@ inline Vector3 sinusoidal_current(double t) {
   return {0.05 * std::sin(2 * std::numbers::pi * t / 10), 0, 0};
 }
 
-inline Result run(const Variant& variant, double dt = 0.01) {
+/// Runs the mission with a period of `dt`. Every cycle ends with `observe(robot, controller, t,
+/// vehicle_velocity)`.
+template <class Observe>
+Result run(const Variant& variant, double dt, Observe observe) {
   Robot robot = make_robot();
 
   //! [tasks]
@@ -280,6 +283,7 @@ inline Result run(const Variant& variant, double dt = 0.01) {
     status = controller.step(t, plant.vehicle_velocity());
     plant.step(controller.joint_velocity(), controller.vehicle_velocity(), t, dt);
     //! [loop]
+    observe(robot, controller, t, plant.vehicle_velocity());
     const Sample s = measure(t);
     result.largest_step = std::max(result.largest_step, (s.command - last).norm());
     last = s.command;
@@ -325,6 +329,9 @@ inline Result run(const Variant& variant, double dt = 0.01) {
   }
   if (variant.underactuated) std::erase(result.violations, "horizontal attitude");
   return result;
+}
+inline Result run(const Variant& variant, double dt = 0.01) {
+  return run(variant, dt, [](const auto&...) {});
 }
 
 }  // namespace grasp

@@ -42,37 +42,6 @@ class SymmetricEigen {
     return true;
   }
 
-  /// Makes the decomposition of S = FᵀF as accurate as a singular value decomposition of F: the
-  /// eigenvalues of S itself are good to ε ‖S‖, which for a small one means few digits. Given
-  /// `c` = F V, which is overwritten, one-sided Jacobi rotations make its columns orthogonal; their
-  /// squared norms are the eigenvalues. Starting from V, one or two sweeps do.
-  template <class Columns>
-  void refine(Columns&& c) noexcept {
-    const Scalar orthogonal = Scalar(c.rows()) * std::numeric_limits<Scalar>::epsilon();
-    for (Index i = 0; i < size_; ++i) values_(i) = c.col(i).squaredNorm();
-    bool rotated = true;
-    for (int sweep = 0; sweep < 4 && rotated; ++sweep) {
-      rotated = false;
-      for (Index i = 0; i + 1 < size_; ++i) {
-        for (Index j = i + 1; j < size_; ++j) {
-          const Scalar dot = c.col(i).dot(c.col(j));
-          if (!(std::abs(dot) > orthogonal * std::sqrt(values_(i)) * std::sqrt(values_(j))))
-            continue;
-          rotated = true;
-          const Scalar zeta = (values_(j) - values_(i)) / (Scalar(2) * dot);
-          const Scalar t = (zeta >= Scalar(0) ? Scalar(1) : Scalar(-1)) /
-                           (std::abs(zeta) + std::hypot(Scalar(1), zeta));
-          const Scalar cosine = Scalar(1) / std::hypot(Scalar(1), t);
-          auto vi = vectors_.col(i).head(size_), vj = vectors_.col(j).head(size_);
-          rotate(c.col(i), c.col(j), cosine, -cosine * t);
-          rotate(vi, vj, cosine, -cosine * t);
-          values_(i) = c.col(i).squaredNorm();
-          values_(j) = c.col(j).squaredNorm();
-        }
-      }
-    }
-  }
-
   /// Eigenvalues, unordered, and the matrix whose columns are the eigenvectors.
   auto values() const noexcept { return values_.head(size_); }
   auto vectors() const noexcept { return vectors_.topLeftCorner(size_, size_); }

@@ -36,20 +36,40 @@ LevelReport<typename J::Scalar> check_level(const J& jacobian, const A& activati
     level.status = Status::wrong_size;
     return level;
   }
+  // Zero but for infinities and NaN, which stay; Eigen's allFinite is not vectorized.
+  using Scalar = typename J::Scalar;
+  bool good = (jacobian * Scalar(0)).sum() == Scalar(0);
   for (Index i = 0; i < level.rows; ++i) {
-    const auto a = activation(i);
-    if (!std::isfinite(a) || !std::isfinite(reference(i)) || !jacobian.row(i).allFinite()) {
-      level.status = Status::non_finite;
-    } else if (a < 0 || a > 1) {
-      level.status = Status::activation_out_of_range;
-    }
-    if (level.status != Status::ok) {
-      level.bad_row = i;
-      return level;
-    }
-    if (a > 0) ++level.active_rows;
+    const Scalar a = activation(i);
+    good &= a >= Scalar(0) && a <= Scalar(1) && reference(i) * Scalar(0) == Scalar(0);
+    if (a > Scalar(0)) ++level.active_rows;
+  }
+  if (good) return level;
+  for (Index i = 0; i < level.rows && level.bad_row < 0; ++i) {
+    const Scalar a = activation(i);
+    const bool finite =
+        std::isfinite(a) && std::isfinite(reference(i)) && jacobian.row(i).allFinite();
+    if (finite && a >= Scalar(0) && a <= Scalar(1)) continue;
+    level.status = finite ? Status::activation_out_of_range : Status::non_finite;
+    level.bad_row = i;
   }
   return level;
 }
+
+/// Sums what the report says of a level; `finish` makes norms of it.
+template <class Scalar>
+struct RateNorms {
+  Scalar requested{0}, achieved{0}, error{0};
+  void add(Scalar x, Scalar y) noexcept {
+    requested += x * x;
+    achieved += y * y;
+    error += (x - y) * (x - y);
+  }
+  void finish(LevelReport<Scalar>& level) const noexcept {
+    level.requested_rate = std::sqrt(requested);
+    level.achieved_rate = std::sqrt(achieved);
+    level.tracking_error = std::sqrt(error);
+  }
+};
 
 }  // namespace icat::detail

@@ -59,7 +59,7 @@ class ParametricTpik {
   /// ρ̃ = 0, P = 0, Q = I. No allocation.
   void reset() noexcept {
     law_.setZero();
-    iteration_.projector.setIdentity();
+    iteration_.reset();
     report_.clear();
   }
 
@@ -87,13 +87,13 @@ class ParametricTpik {
       } else if (advance(level)) {
         iteration_.accept();
         level.regularized = iteration_.regularized();
+        detail::RateNorms<Scalar> norms;
         for (Index i = 0; i < level.rows; ++i) {
-          const Scalar x = activation(i) * reference(i);
-          const Scalar y = activation(i) * jacobian.row(i).head(l).dot(rho().transpose());
-          level.requested_rate = std::hypot(level.requested_rate, x);
-          level.achieved_rate = std::hypot(level.achieved_rate, y);
-          level.tracking_error = std::hypot(level.tracking_error, x - y);
+          const Scalar a = activation(i);
+          if (a == Scalar(0)) continue;
+          norms.add(a * reference(i), a * jacobian.row(i).head(l).dot(rho().transpose()));
         }
+        norms.finish(level);
       }
     }
     report_.add(level);
@@ -120,7 +120,7 @@ class ParametricTpik {
   /// q̇ = ρ̃ + P v. `v` in the frame of the Jacobian's last columns (⟨v⟩ for a vehicle).
   VectorN evaluate(const Vector<Scalar, Parameters>& v) const noexcept { return rho() + P() * v; }
   /// Q over the arm's columns, N × N.
-  const SquareN& projector() const noexcept { return iteration_.projector; }
+  const SquareN& projector() const noexcept { return iteration_.projector(); }
   /// Since the last reset.
   const TpikReport<Scalar>& report() const noexcept { return report_; }
 
@@ -143,7 +143,7 @@ class ParametricTpik {
   }
 
   bool advance(LevelReport<Scalar>& level) noexcept {
-    next_law_ = law_ + iteration_.increment;
+    next_law_ = law_ + iteration_.increment.topRows(arm_dof());
     if (!next_law_.allFinite()) {
       level.status = Status::numerical_failure;
       return false;

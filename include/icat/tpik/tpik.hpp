@@ -60,7 +60,7 @@ class Tpik {
   /// ρ₀ = 0, Q₀ = I. No allocation.
   void reset() noexcept {
     rho_.setZero();
-    iteration_.projector.setIdentity();
+    iteration_.reset();
     report_.clear();
   }
 
@@ -73,13 +73,13 @@ class Tpik {
     const bool sized = rho0.size() == dof() && Q0.rows() == dof() && Q0.cols() == dof();
     if (!sized || !rho0.allFinite() || !Q0.allFinite()) {
       rho_.setZero();
-      iteration_.projector.setZero();
+      iteration_.reset(SquareN::Zero(dof(), dof()));
       const Status status = sized ? Status::non_finite : Status::wrong_size;
       report_.fail(status, -1, -1);
       return status;
     }
     for (Index i = 0; i < dof(); ++i) rho_(i) = rho0(i);
-    iteration_.projector = Q0;
+    iteration_.reset(Q0);
     return Status::ok;
   }
 
@@ -132,7 +132,7 @@ class Tpik {
   /// ρ after the last level, n: after `minimize_velocity`, ẏ. Always finite.
   const VectorN& velocity() const noexcept { return rho_; }
   /// Q after the last `add_level`, n × n: what the levels so far leave to those below.
-  const SquareN& projector() const noexcept { return iteration_.projector; }
+  const SquareN& projector() const noexcept { return iteration_.projector(); }
   /// Since the last reset.
   const TpikReport<Scalar>& report() const noexcept { return report_; }
 
@@ -160,7 +160,7 @@ class Tpik {
       level.saturation_scale = options_.bounds->scale(rho_, iteration_.increment);
       options_.bounds->advance(next_rho_, iteration_.increment, level.saturation_scale);
     } else {
-      next_rho_ += iteration_.increment;
+      next_rho_ += iteration_.increment.col(0).head(dof());
     }
     if (!next_rho_.allFinite()) {
       level.status = Status::numerical_failure;
@@ -173,15 +173,13 @@ class Tpik {
   template <class J, class A, class R>
   void rate_norms(const J& jacobian, const A& activation, const R& reference,
                   LevelReport<Scalar>& level) const noexcept {
+    detail::RateNorms<Scalar> norms;
     for (Index i = 0; i < level.rows; ++i) {
       const Scalar a = activation(i);
       if (a == Scalar(0)) continue;
-      const Scalar x = a * reference(i);
-      const Scalar y = a * jacobian.row(i).dot(rho_.transpose());
-      level.requested_rate = std::hypot(level.requested_rate, x);
-      level.achieved_rate = std::hypot(level.achieved_rate, y);
-      level.tracking_error = std::hypot(level.tracking_error, x - y);
+      norms.add(a * reference(i), a * jacobian.row(i).dot(rho_.transpose()));
     }
+    norms.finish(level);
   }
 
   Options options_;

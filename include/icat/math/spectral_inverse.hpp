@@ -1,0 +1,317 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// `f(S) = V diag(f(σ)) Vᵀ` for a symmetric positive semi-definite S = V diag(σ) Vᵀ and a
+/// regularized inverse f, where f(σ) = 1/σ from a threshold on.
+///
+/// 1. Householder reflections make S tridiagonal, S = H T Hᵀ. With a vector b, where f(S) b is
+///    wanted, the first reflection maps b to the first axis; T then ends where the Krylov space of
+///    b does, so that directions S does not move never appear.
+/// 2. A Sturm sequence counts the eigenvalues of T below the threshold.
+/// 3. Implicit QR steps (Golub & Van Loan, *Matrix Computations*, 8.3) run until so many have been
+///    found. What is left of T has none: there f is the inverse, by L D Lᵀ.
+///
+/// Without an eigenvalue below the threshold, which is the common case, no QR step is taken.
+#pragma once
+
+#include <cmath>
+#include <limits>
+
+#include "icat/math/panel.hpp"
+
+namespace icat::detail {
+
+template <class Scalar, int N>
+class SpectralInverse {
+ public:
+  using Square = Panel<Scalar, N>;
+
+  explicit SpectralInverse(Index n)
+      : householder_(zero_panel<Square>(n, n)),
+        vectors_(householder_),
+        tau_(n),
+        diagonal_(n),
+        sub_(n),
+        value_(n),
+        pivot_(n),
+        p_(zero_panel<Column>(n, 1)),
+        y_(p_) {}
+
+  /// `z = f(S) b`, n elements and the zeros after them. `s` (leading n × n) is overwritten. False
+  /// if anything overflowed.
+  template <class Regularization>
+  bool apply(Square& s, Index n, const Scalar* b, Scalar* z, const Regularization& f) noexcept {
+    if (!prepare(s, n)) return false;
+    std::fill_n(z, padded<Scalar>(n), Scalar(0));
+    Scalar* v = columns(householder_)[0];
+    keep(b, n, v);
+    const auto first = Reflection<Scalar>::make(n, v, 0);
+    below_ = 0;
+    if (first.length == Scalar(0)) return true;
+    tau_(0) = first.tau;
+    update(columns(s), n, v, first.tau);
+    tridiagonalize(s, 1);
+    if (count_below(f.threshold) == 0) {
+      rest_ = size_;
+      z[0] = first.length;
+      solve<true>(z, 1, 1);
+    } else {
+      vectors_.setIdentity();
+      if (!deflate(f, 2)) return false;
+      for (Index i = 0; i < size_; ++i) y_(i) = vectors_(0, i) * first.length;
+      solve<true>(y_.data(), 1, 1);
+      product<Into::set, Scalar>(size_, 1, size_, columns(vectors_), elements(y_), {z, 0});
+      std::fill_n(z + size_, padded<Scalar>(n) - size_, Scalar(0));
+    }
+    for (Index i = reflections_; i-- > 0;) {
+      reflect(n - i, tau_(i), columns(householder_)[i], z + i);
+    }
+    return std::isfinite(dot(n, z, z));
+  }
+
+  /// `out = f(S)`, leading n × n, zeros after each column's n. Where S = FᵀF is given with its
+  /// `factor` F (`rows` × n), small eigenvalues are as accurate as the singular values of F.
+  template <class Regularization>
+  bool compute(Square& s, Index n, Square& out, const Regularization& f,
+               const Square* factor = nullptr, Index rows = 0) noexcept {
+    if (!prepare(s, n)) return false;
+    tridiagonalize(s, 0);
+    count_below(f.threshold);
+    vectors_.setIdentity();
+    for (Index i = reflections_; i-- > 0;) {
+      for (Index j = i + 1; j < n; ++j) {
+        reflect(n - i - 1, tau_(i), columns(householder_)[i], columns(vectors_)[j] + i + 1);
+      }
+    }
+    if (!deflate(f, n)) return false;
+    if (factor != nullptr && below_ > 0) refine(*factor, rows, f);
+    std::copy_n(vectors_.data(), n * vectors_.outerStride(), householder_.data());
+    solve<false>(householder_.data(), vectors_.outerStride(), n);
+    product<Into::set>(n, n, n, householder_, transposed(vectors_), out);
+    return out.topLeftCorner(n, n).allFinite();
+  }
+
+  /// How many eigenvalues of the last S, or of its part that the last b excites, lay below the
+  /// threshold.
+  Index below() const noexcept { return below_; }
+
+ private:
+  using Column = Panel<Scalar, N, 1>;
+  using Vec = Vector<Scalar, N>;
+
+  /// v = x and zeros.
+  static void keep(const Scalar* x, Index rows, Scalar* v) noexcept {
+    std::copy_n(x, rows, v);
+    std::fill_n(v + rows, Simd<Scalar>::size - 1, Scalar(0));
+  }
+
+  bool prepare(const Square& s, Index n) noexcept {
+    n_ = size_ = n;
+    reflections_ = 0;
+    scale_ = Scalar(0);
+    for (Index i = 0; i < n; ++i) scale_ = std::max(scale_, s(i, i));
+    // Beyond, squares overflow.
+    return scale_ < std::sqrt(std::numeric_limits<Scalar>::max()) / Scalar(n * n);
+  }
+
+  /// S ← (I − tau v vᵀ) S (I − tau v vᵀ) = S − v wᵀ − w vᵀ, w = p − (tau/2) (pᵀv) v, p = tau S v;
+  /// S is `rows` × `rows`.
+  void update(Columns<Scalar> s, Index rows, const Scalar* v, Scalar tau) noexcept {
+    using namespace Eigen::internal;
+    using Packet = typename Simd<Scalar>::Packet;
+    ++reflections_;
+    Scalar* w = p_.data();
+    product<Into::set, Scalar>(rows, 1, rows, s, {v, 1, 0}, {w, 0});
+    combine(rows, tau, w, -tau * tau * dot(rows, w, v) / Scalar(2), v, w);
+    for (Index c = 0; c < rows; ++c) {
+      const Packet vc = pset1<Packet>(-v[c]), wc = pset1<Packet>(-w[c]);
+      Scalar* column = s[c];
+      for (Index i = 0; i < rows; i += Simd<Scalar>::size) {
+        pstoreu(column + i, pmadd(vc, ploadu<Packet>(w + i),
+                                  pmadd(wc, ploadu<Packet>(v + i), ploadu<Packet>(column + i))));
+      }
+    }
+  }
+
+  /// With a first vector, T ends with its Krylov space.
+  void tridiagonalize(Square& s, Index first) noexcept {
+    const Index n = n_;
+    const Scalar nothing = scale_ * Scalar(n) * std::numeric_limits<Scalar>::epsilon();
+    // That of a diagonal element of this size in a semi-definite matrix.
+    const Scalar coupling = std::sqrt(scale_ * nothing);
+    for (Index j = 0; j < n; ++j) {
+      diagonal_(j) = s(j, j);
+      if (j + 1 == n) break;
+      Scalar* x = columns(s)[j] + j + 1;
+      const Index rows = n - j - 1;
+      if (rows == 1) {
+        sub_(j) = x[0];
+      } else {
+        const auto r = Reflection<Scalar>::make(rows, x, 0);
+        sub_(j) = r.length;
+        if (first == 1 && std::abs(r.length) <= coupling &&
+            (std::abs(r.length) <= nothing || rest_is_nothing(s, j + 1, nothing))) {
+          size_ = j + 1;
+          return;
+        }
+        tau_(reflections_) = r.tau;
+        Scalar* v = columns(householder_)[reflections_];
+        keep(x, rows, v);
+        update({columns(s)[j + 1] + j + 1, s.outerStride()}, rows, v, r.tau);
+      }
+    }
+    if (first == 1 && n > 1 && diagonal_(n - 1) <= nothing) size_ = n - 1;
+  }
+
+  /// The trailing block of S, semi-definite, is rounding.
+  bool rest_is_nothing(const Square& s, Index from, Scalar nothing) const noexcept {
+    Scalar trace(0);
+    for (Index i = from; i < n_; ++i) trace += std::abs(s(i, i));
+    return trace <= nothing;
+  }
+
+  /// Step 2.
+  Index count_below(Scalar threshold) noexcept {
+    below_ = 0;
+    Scalar q(1);
+    for (Index i = 0; i < size_; ++i) {
+      q = diagonal_(i) - threshold - (i > 0 ? sub_(i - 1) * sub_(i - 1) / q : Scalar(0));
+      if (!(q > Scalar(0))) ++below_;
+      if (q == Scalar(0)) q = -std::numeric_limits<Scalar>::min();
+    }
+    return below_;
+  }
+
+  /// Step 3. From `rest_` on T is diagonal, with `value_` = f(σ). Column k of the vectors has
+  /// `rows` + k elements, and one more with every step.
+  template <class Regularization>
+  bool deflate(const Regularization& f, Index rows) noexcept {
+    const Scalar nothing = scale_ * std::numeric_limits<Scalar>::epsilon();
+    Index left = below_;
+    Index end = size_ - 1;
+    // LAPACK's bound: 30 steps for each eigenvalue; about 1.7 are needed.
+    for (Index steps = 30 * size_; left > 0 && end >= 0;) {
+      if (end == 0 || std::abs(sub_(end - 1)) <= nothing) {
+        if (end > 0) sub_(end - 1) = Scalar(0);
+        if (!(diagonal_(end) >= Scalar(f.threshold))) --left;
+        value_(end) = f.inverse(std::max(diagonal_(end), Scalar(0)));
+        --end;
+        continue;
+      }
+      if (steps-- == 0) return false;
+      Index start = end - 1;
+      while (start > 0 && !(std::abs(sub_(start - 1)) <= nothing)) --start;
+      qr_step(start, end, rows++);
+    }
+    rest_ = end + 1;
+    return true;
+  }
+
+  /// The eigenvalues of S are good to ε ‖S‖, which for a small one means few digits, and f' is as
+  /// large as 1/λ² there. One-sided Jacobi rotations make the columns of F V orthogonal that belong
+  /// to small ones; their squared norms are the eigenvalues.
+  template <class Regularization>
+  void refine(const Square& factor, Index rows, const Regularization& f) noexcept {
+    const auto c = columns(householder_);
+    const auto v = columns(vectors_);
+    const Scalar rounding = Scalar(rows) * std::numeric_limits<Scalar>::epsilon();
+    const auto small = [&](Index i) { return diagonal_(i) < Scalar(f.threshold); };
+    for (Index i = rest_; i < size_; ++i) {
+      if (!small(i)) continue;
+      product<Into::set, Scalar>(rows, 1, n_, columns(factor), {v[i], 1, 0}, {c[i], 0});
+      value_(i) = dot(rows, c[i], c[i]);
+    }
+    bool rotated = true;
+    for (int sweep = 0; sweep < 4 && rotated; ++sweep) {
+      rotated = false;
+      for (Index i = rest_; i < size_; ++i) {
+        for (Index j = i + 1; j < size_; ++j) {
+          if (!small(i) || !small(j)) continue;
+          const Scalar product = dot(rows, c[i], c[j]);
+          if (!(std::abs(product) > rounding * std::sqrt(value_(i)) * std::sqrt(value_(j))))
+            continue;
+          rotated = true;
+          const Scalar zeta = (value_(j) - value_(i)) / (Scalar(2) * product);
+          const Scalar t = (zeta >= Scalar(0) ? Scalar(1) : Scalar(-1)) /
+                           (std::abs(zeta) + std::hypot(Scalar(1), zeta));
+          const Scalar cosine = Scalar(1) / std::sqrt(Scalar(1) + t * t);
+          rotate(rows, cosine, -cosine * t, c[i], c[j]);
+          rotate(n_, cosine, -cosine * t, v[i], v[j]);
+          value_(i) = dot(rows, c[i], c[i]);
+          value_(j) = dot(rows, c[j], c[j]);
+        }
+      }
+    }
+    for (Index i = rest_; i < size_; ++i) {
+      if (small(i)) value_(i) = f.inverse(value_(i));
+    }
+  }
+
+  void qr_step(Index start, Index end, Index rows) noexcept {
+    const Scalar half = (diagonal_(end - 1) - diagonal_(end)) / Scalar(2);
+    const Scalar e = sub_(end - 1);
+    const Scalar h = std::sqrt(half * half + e * e);
+    const Scalar shift = diagonal_(end) - e * (e / (half + (half >= Scalar(0) ? h : -h)));
+    Scalar x = diagonal_(start) - shift;
+    Scalar z = sub_(start);
+    for (Index k = start; k < end && z != Scalar(0); ++k) {
+      const Scalar r2 = x * x + z * z;
+      const Scalar r = std::sqrt(r2);
+      const Scalar inverse = r / r2;
+      const Scalar c = x * inverse;
+      const Scalar s = z * inverse;
+      const Scalar dk = diagonal_(k), dk1 = diagonal_(k + 1), ek = sub_(k);
+      const Scalar w = s * (dk - dk1) - Scalar(2) * c * ek;
+      diagonal_(k) = dk - s * w;
+      diagonal_(k + 1) = dk1 + s * w;
+      sub_(k) = -c * w - ek;
+      if (k > start) sub_(k - 1) = r;
+      x = sub_(k);
+      if (k + 1 < end) {
+        z = s * sub_(k + 1);
+        sub_(k + 1) *= c;
+      }
+      rotate(std::min(rows + k, n_), c, s, columns(vectors_)[k], columns(vectors_)[k + 1]);
+    }
+  }
+
+  /// Columns y_0 … y_{size−1} ← what f(T) makes of them.
+  template <bool one>
+  void solve(Scalar* y, Index stride, Index rows) noexcept {
+    const auto times = [&](Index i, Scalar s) {
+      if constexpr (one) {
+        y[i] *= s;
+      } else {
+        scale(rows, s, y + i * stride, y + i * stride);
+      }
+    };
+    const auto subtract = [&](Index from, Index to, Scalar s) {
+      if constexpr (one) {
+        y[to] -= s * y[from];
+      } else {
+        axpy(rows, -s, y + from * stride, y + to * stride);
+      }
+    };
+    for (Index i = rest_; i < size_; ++i) times(i, value_(i));
+    for (Index i = 0; i < rest_; ++i) {
+      Scalar pivot = diagonal_(i);
+      if (i > 0) {
+        const Scalar l = sub_(i - 1) * pivot_(i - 1);
+        pivot -= l * sub_(i - 1);
+        subtract(i - 1, i, l);
+      }
+      pivot_(i) = Scalar(1) / pivot;
+    }
+    for (Index i = rest_; i-- > 0;) {
+      times(i, pivot_(i));
+      if (i + 1 < rest_) subtract(i + 1, i, sub_(i) * pivot_(i));
+    }
+  }
+
+  Square householder_, vectors_;
+  Vec tau_, diagonal_, sub_, value_, pivot_;
+  Column p_, y_;
+  Index n_{0}, size_{0}, reflections_{0}, rest_{0}, below_{0};
+  Scalar scale_{0};
+};
+
+}  // namespace icat::detail
