@@ -37,6 +37,7 @@ void solve(Solver& tpik, const RandomHierarchy& h, icat::Status& status) {
     if (s != icat::Status::ok) status = s;
   }
   if (tpik.minimize_velocity() != icat::Status::ok) status = icat::Status::numerical_failure;
+  if (!tpik.projector().allFinite()) status = icat::Status::numerical_failure;
 }
 
 TEST_F(Allocation, NoneInTheSolver) {

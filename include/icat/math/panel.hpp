@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// Kernels for matrices of a robot's size (4 to 64), stored as *panels*: contiguous columns, each
-/// followed by enough zeros that whole SIMD packets can be read from any row on. The same few loops
-/// serve static and run-time sizes at the same speed; nothing is peeled, nothing allocates, and
-/// little has to be compiled.
+/// Kernels for matrices of a robot's size (4 to 64), stored as *panels*: contiguous columns, filled
+/// up with zeros to whole SIMD packets. The same few loops serve static and run-time sizes at the
+/// same speed; nothing is peeled, nothing allocates, and little has to be compiled.
+///
+/// All loops begin at a multiple of the packet size (`packet_begin`): a packet that is read across
+/// two that were just written would stall the processor.
 #pragma once
 
 #include <algorithm>
@@ -25,7 +27,19 @@ struct Simd {
 template <class Scalar>
 constexpr Index padded(Index n) {
   constexpr Index size = Simd<Scalar>::size;
-  return n == Eigen::Dynamic ? n : (n + 2 * size - 2) / size * size;
+  return n == Eigen::Dynamic ? n : (n + size - 1) / size * size;
+}
+
+/// First row of the packet that holds row `i`.
+template <class Scalar>
+constexpr Index packet_begin(Index i) {
+  return i / Simd<Scalar>::size * Simd<Scalar>::size;
+}
+
+/// Zeros from row `n` to the end of its packet.
+template <class Scalar>
+inline void fill_up(Index n, Scalar* x) noexcept {
+  for (Index i = n; i < padded<Scalar>(n); ++i) x[i] = Scalar(0);
 }
 
 /// n × k, column-major. Zero rows follow the n.
@@ -39,18 +53,18 @@ P zero_panel(Index n, Index columns) {
 
 /// Columns that are `stride` apart.
 template <class Scalar>
-struct Columns {
+struct ColumnView {
   Scalar* data;
   Index stride;
   Scalar* operator[](Index j) const noexcept { return data + j * stride; }
-  operator Columns<const Scalar>() const noexcept { return {data, stride}; }
+  operator ColumnView<const Scalar>() const noexcept { return {data, stride}; }
 };
 template <class P>
-Columns<typename P::Scalar> columns(P& p) noexcept {
+ColumnView<typename P::Scalar> columns(P& p) noexcept {
   return {p.data(), p.outerStride()};
 }
 template <class P>
-Columns<const typename P::Scalar> columns(const P& p) noexcept {
+ColumnView<const typename P::Scalar> columns(const P& p) noexcept {
   return {p.data(), p.outerStride()};
 }
 
@@ -104,8 +118,8 @@ inline void product_block(Index depth, const Scalar* a, Index lda, Elements<Scal
 /// `c (rows × cols) = a (rows × depth) b (depth × cols)`, or added to or subtracted from c. Whole
 /// packets of rows are computed. `c` must not overlap `a` or `b`.
 template <Into into, class Scalar>
-void product(Index rows, Index cols, Index depth, Columns<const Scalar> a, Elements<Scalar> b,
-             Columns<Scalar> c) noexcept {
+void product(Index rows, Index cols, Index depth, ColumnView<const Scalar> a, Elements<Scalar> b,
+             ColumnView<Scalar> c) noexcept {
   constexpr Index size = Simd<Scalar>::size;
   Index i = 0;
   const auto sweep = [&]<int R>(std::integral_constant<int, R>) {
@@ -145,7 +159,7 @@ inline Scalar dot(Index rows, const Scalar* a, const Scalar* b) noexcept {
 
 /// C elements of `aᵀ x`, for columns of a side by side.
 template <int C, class Scalar>
-inline void dots(Index rows, Columns<const Scalar> a, const Scalar* x, Scalar* out) noexcept {
+inline void dots(Index rows, ColumnView<const Scalar> a, const Scalar* x, Scalar* out) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   Packet sum[C];
@@ -160,7 +174,6 @@ inline void dots(Index rows, Columns<const Scalar> a, const Scalar* x, Scalar* o
 /// `c (k × l) = aᵀ b`
 template <class A, class B, class C>
 void transposed_product(Index rows, Index k, Index l, const A& a, const B& b, C& c) noexcept {
-  using Scalar = typename C::Scalar;
   const auto ca = columns(a);
   const auto cb = columns(b);
   const auto cc = columns(c);
@@ -168,14 +181,13 @@ void transposed_product(Index rows, Index k, Index l, const A& a, const B& b, C&
     Index i = 0;
     for (; i + 4 <= k; i += 4) dots<4>(rows, {ca[i], ca.stride}, cb[j], cc[j] + i);
     for (; i < k; ++i) cc[j][i] = dot(rows, ca[i], cb[j]);
-    std::fill_n(cc[j] + k, Simd<Scalar>::size - 1, Scalar(0));
+    fill_up(k, cc[j]);
   }
 }
 
 /// `c (k × k) = aᵀ a`
 template <class A, class C>
 void gram(Index rows, Index k, const A& a, C& c) noexcept {
-  using Scalar = typename C::Scalar;
   const auto ca = columns(a);
   const auto cc = columns(c);
   for (Index j = 0; j < k; ++j) {
@@ -183,7 +195,7 @@ void gram(Index rows, Index k, const A& a, C& c) noexcept {
     for (; i + 4 <= k; i += 4) dots<4>(rows, {ca[i], ca.stride}, ca[j], cc[j] + i);
     for (; i < k; ++i) cc[j][i] = dot(rows, ca[i], ca[j]);
     for (i = j + 1; i < k; ++i) cc[i][j] = cc[j][i];
-    std::fill_n(cc[j] + k, Simd<Scalar>::size - 1, Scalar(0));
+    fill_up(k, cc[j]);
   }
 }
 
@@ -244,38 +256,44 @@ inline void reflect(Index rows, Scalar tau, const Scalar* v, Scalar* x) noexcept
   axpy(rows, -tau * dot(rows, v, x), v, x);
 }
 
-/// `l lᵀ = s − shift I`, lower triangle; l is zero below row n. False unless that is positive
-/// definite.
+/// Column `j` of the Cholesky factor of `s − shift I`, after those before it; lower triangle, with
+/// the inverse of the diagonal on it and anything above. False unless the matrix is positive
+/// definite so far.
 template <class P>
-bool cholesky(Index n, const P& s, typename P::Scalar shift, P& l) noexcept {
+inline bool cholesky_column(Index n, Index j, const P& s, typename P::Scalar shift, P& l) noexcept {
   using Scalar = typename P::Scalar;
-  const auto cs = columns(s);
   const auto cl = columns(l);
-  for (Index j = 0; j < n; ++j) {
-    Scalar* x = cl[j] + j;
-    std::copy_n(cs[j] + j, s.outerStride() - j, x);
-    x[0] -= shift;
-    product<Into::subtract, Scalar>(n - j, 1, j, {cl.data + j, cl.stride},
-                                    {cl.data + j, cl.stride, 0}, {x, 0});
-    if (!(x[0] > Scalar(0))) return false;
-    scale(n - j, Scalar(1) / std::sqrt(x[0]), x, x);
-  }
+  const Index top = packet_begin<Scalar>(j);
+  Scalar* x = cl[j];
+  scale(n - top, Scalar(1), columns(s)[j] + top, x + top);
+  product<Into::subtract, Scalar>(n - top, 1, j, {cl.data + top, cl.stride},
+                                  {cl.data + j, cl.stride, 0}, {x + top, 0});
+  const Scalar pivot = x[j] - shift;
+  if (!(pivot > Scalar(0))) return false;
+  const Scalar inverse = Scalar(1) / std::sqrt(pivot);
+  scale(n - top, inverse, x + top, x + top);
+  x[j] = inverse;
   return true;
 }
 
-/// x ← (l lᵀ)⁻¹ x
+/// `x = (l lᵀ)⁻¹ b`, with zeros after the n elements of x; `b` is overwritten.
 template <class P>
-void cholesky_solve(Index n, const P& l, typename P::Scalar* x) noexcept {
+void cholesky_solve(Index n, const P& l, typename P::Scalar* b, typename P::Scalar* x) noexcept {
   using Scalar = typename P::Scalar;
   const auto cl = columns(l);
   for (Index j = 0; j < n; ++j) {
-    const Scalar y = x[j] / cl[j][j];
-    axpy(n - j - 1, -y, cl[j] + j + 1, x + j + 1);
-    x[j] = y;
+    const Index top = packet_begin<Scalar>(j);
+    const Scalar y = b[j] * cl[j][j];
+    axpy(n - top, -y, cl[j] + top, b + top);
+    x[j] = y;  // b is spoilt from `top` to j
   }
+  // From below, x takes the place of zeros in b.
+  for (Index j = 0; j < padded<Scalar>(n); ++j) b[j] = Scalar(0);
   for (Index j = n; j-- > 0;) {
-    x[j] = (x[j] - dot(n - j - 1, cl[j] + j + 1, x + j + 1)) / cl[j][j];
+    const Index top = packet_begin<Scalar>(j);
+    b[j] = (x[j] - dot(n - top, cl[j] + top, b + top)) * cl[j][j];
   }
+  for (Index j = 0; j < padded<Scalar>(n); ++j) x[j] = b[j];
 }
 
 /// (a, b) ← (c a + s b, c b − s a)

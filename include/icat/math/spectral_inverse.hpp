@@ -43,12 +43,13 @@ class SpectralInverse {
     if (!prepare(s, n)) return false;
     std::fill_n(z, padded<Scalar>(n), Scalar(0));
     Scalar* v = columns(householder_)[0];
-    keep(b, n, v);
+    std::copy_n(b, n, v);
+    fill_up(n, v);
     const auto first = Reflection<Scalar>::make(n, v, 0);
     below_ = 0;
     if (first.length == Scalar(0)) return true;
     tau_(0) = first.tau;
-    update(columns(s), n, v, first.tau);
+    update(s, 0, v, first.tau);
     tridiagonalize(s, 1);
     if (count_below(f.threshold) == 0) {
       rest_ = size_;
@@ -63,7 +64,7 @@ class SpectralInverse {
       std::fill_n(z + size_, padded<Scalar>(n) - size_, Scalar(0));
     }
     for (Index i = reflections_; i-- > 0;) {
-      reflect(n - i, tau_(i), columns(householder_)[i], z + i);
+      reflect_from(i, tau_(i), columns(householder_)[i], z);
     }
     return std::isfinite(dot(n, z, z));
   }
@@ -79,7 +80,7 @@ class SpectralInverse {
     vectors_.setIdentity();
     for (Index i = reflections_; i-- > 0;) {
       for (Index j = i + 1; j < n; ++j) {
-        reflect(n - i - 1, tau_(i), columns(householder_)[i], columns(vectors_)[j] + i + 1);
+        reflect_from(i + 1, tau_(i), columns(householder_)[i], columns(vectors_)[j]);
       }
     }
     if (!deflate(f, n)) return false;
@@ -98,10 +99,10 @@ class SpectralInverse {
   using Column = Panel<Scalar, N, 1>;
   using Vec = Vector<Scalar, N>;
 
-  /// v = x and zeros.
-  static void keep(const Scalar* x, Index rows, Scalar* v) noexcept {
-    std::copy_n(x, rows, v);
-    std::fill_n(v + rows, Simd<Scalar>::size - 1, Scalar(0));
+  /// Reflects x by a v that is zero above row k.
+  void reflect_from(Index k, Scalar tau, const Scalar* v, Scalar* x) const noexcept {
+    const Index top = packet_begin<Scalar>(k);
+    reflect(n_ - top, tau, v + top, x + top);
   }
 
   bool prepare(const Square& s, Index n) noexcept {
@@ -113,19 +114,23 @@ class SpectralInverse {
     return scale_ < std::sqrt(std::numeric_limits<Scalar>::max()) / Scalar(n * n);
   }
 
-  /// S ← (I − tau v vᵀ) S (I − tau v vᵀ) = S − v wᵀ − w vᵀ, w = p − (tau/2) (pᵀv) v, p = tau S v;
-  /// S is `rows` × `rows`.
-  void update(Columns<Scalar> s, Index rows, const Scalar* v, Scalar tau) noexcept {
+  /// S ← (I − tau v vᵀ) S (I − tau v vᵀ) = S − v wᵀ − w vᵀ, w = p − (tau/2) (pᵀv) v, p = tau S v,
+  /// from row and column k on, above which v is zero. What is above, in the same packets, is lost.
+  void update(Square& s, Index k, const Scalar* v, Scalar tau) noexcept {
     using namespace Eigen::internal;
     using Packet = typename Simd<Scalar>::Packet;
     ++reflections_;
+    const Index top = packet_begin<Scalar>(k), rows = n_ - top;
+    const auto cs = columns(s);
     Scalar* w = p_.data();
-    product<Into::set, Scalar>(rows, 1, rows, s, {v, 1, 0}, {w, 0});
-    combine(rows, tau, w, -tau * tau * dot(rows, w, v) / Scalar(2), v, w);
-    for (Index c = 0; c < rows; ++c) {
+    product<Into::set, Scalar>(rows, 1, n_ - k, {cs[k] + top, cs.stride}, {v + k, 1, 0},
+                               {w + top, 0});
+    combine(rows, tau, w + top, -tau * (tau * dot(rows, w + top, v + top)) / Scalar(2), v + top,
+            w + top);
+    for (Index c = k; c < n_; ++c) {
       const Packet vc = pset1<Packet>(-v[c]), wc = pset1<Packet>(-w[c]);
-      Scalar* column = s[c];
-      for (Index i = 0; i < rows; i += Simd<Scalar>::size) {
+      Scalar* column = cs[c];
+      for (Index i = top; i < n_; i += Simd<Scalar>::size) {
         pstoreu(column + i, pmadd(vc, ploadu<Packet>(w + i),
                                   pmadd(wc, ploadu<Packet>(v + i), ploadu<Packet>(column + i))));
       }
@@ -141,23 +146,24 @@ class SpectralInverse {
     for (Index j = 0; j < n; ++j) {
       diagonal_(j) = s(j, j);
       if (j + 1 == n) break;
-      Scalar* x = columns(s)[j] + j + 1;
-      const Index rows = n - j - 1;
-      if (rows == 1) {
-        sub_(j) = x[0];
-      } else {
-        const auto r = Reflection<Scalar>::make(rows, x, 0);
-        sub_(j) = r.length;
-        if (first == 1 && std::abs(r.length) <= coupling &&
-            (std::abs(r.length) <= nothing || rest_is_nothing(s, j + 1, nothing))) {
-          size_ = j + 1;
-          return;
-        }
-        tau_(reflections_) = r.tau;
-        Scalar* v = columns(householder_)[reflections_];
-        keep(x, rows, v);
-        update({columns(s)[j + 1] + j + 1, s.outerStride()}, rows, v, r.tau);
+      if (j + 2 == n) {
+        sub_(j) = s(j + 1, j);
+        continue;
       }
+      const Index k = j + 1, top = packet_begin<Scalar>(k);
+      Scalar* v = columns(householder_)[reflections_];
+      std::fill_n(v + top, k - top, Scalar(0));
+      std::copy_n(columns(s)[j] + k, n - k, v + k);
+      fill_up(n, v);
+      const auto r = Reflection<Scalar>::make(n - top, v + top, k - top);
+      sub_(j) = r.length;
+      if (first == 1 && std::abs(r.length) <= coupling &&
+          (std::abs(r.length) <= nothing || rest_is_nothing(s, k, nothing))) {
+        size_ = k;
+        return;
+      }
+      tau_(reflections_) = r.tau;
+      update(s, k, v, r.tau);
     }
     if (first == 1 && n > 1 && diagonal_(n - 1) <= nothing) size_ = n - 1;
   }
@@ -253,10 +259,11 @@ class SpectralInverse {
     const Scalar shift = diagonal_(end) - e * (e / (half + (half >= Scalar(0) ? h : -h)));
     Scalar x = diagonal_(start) - shift;
     Scalar z = sub_(start);
-    for (Index k = start; k < end && z != Scalar(0); ++k) {
+    for (Index k = start; k < end; ++k) {
       const Scalar r2 = x * x + z * z;
+      if (!(r2 > std::numeric_limits<Scalar>::min())) break;
       const Scalar r = std::sqrt(r2);
-      const Scalar inverse = r / r2;
+      const Scalar inverse = r * (Scalar(1) / r2);  // Both long operations at a time.
       const Scalar c = x * inverse;
       const Scalar s = z * inverse;
       const Scalar dk = diagonal_(k), dk1 = diagonal_(k + 1), ek = sub_(k);

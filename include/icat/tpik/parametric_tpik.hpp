@@ -119,7 +119,7 @@ class ParametricTpik {
   auto P() const noexcept { return law_.template rightCols<Parameters>(); }
   /// q̇ = ρ̃ + P v. `v` in the frame of the Jacobian's last columns (⟨v⟩ for a vehicle).
   VectorN evaluate(const Vector<Scalar, Parameters>& v) const noexcept { return rho() + P() * v; }
-  /// Q over the arm's columns, N × N.
+  /// Q over the arm's columns, N × N. Formed when asked for.
   const SquareN& projector() const noexcept { return iteration_.projector(); }
   /// Since the last reset.
   const TpikReport<Scalar>& report() const noexcept { return report_; }

@@ -12,7 +12,8 @@
 /// **Coordinates.** While every level is binary, of full rank and not regularized, Q is an
 /// orthogonal projector. Reflections then turn the axes so that Q keeps the first r of them; later
 /// levels work on those r alone. In these coordinates Q = I − Z (r × r), and Z = 0 until a level is
-/// partial or regularized. While Z = 0, f(BᵀB) Bᵀ = Bᵀ f(BBᵀ) is all that z needs.
+/// partial or regularized. While Z = 0, f(BᵀB) Bᵀ = Bᵀ f(BBᵀ) is all that z needs. Then rows touch
+/// the first t axes, outside of which Z stays 0.
 ///
 /// See docs/solver.md for the derivations.
 ///
@@ -55,6 +56,7 @@ class PriorityIteration {
         u_(reflectors_),
         m_(reflectors_),
         f_(reflectors_),
+        shifted_(reflectors_),
         e_(increment),
         c_(increment),
         image_(increment),
@@ -216,17 +218,18 @@ class PriorityIteration {
   /// A singular value of the last level's XᵀAX, in the span of its rows, lay below the threshold.
   bool regularized() const noexcept { return regularized_; }
 
-  /// Q, n × n.
+  /// Q, n × n: formed when asked for.
   const Square& projector() const noexcept {
-    Coefficients x = increment, y = increment;
     for (Index j = 0; j < dof_; ++j) {  // column j of Q = H (I − Z) Hᵀ
-      clear(x, 1);
-      x(j, 0) = Scalar(1);
-      turn(x, 1);
-      y = x;
-      if (!plain_) product<Into::subtract>(touched_, 1, touched_, z_, elements(x), y);
-      turn_back(y, 1);
-      for (Index i = 0; i < dof_; ++i) projector_(i, j) = y(i, 0);
+      clear(image_, 1);
+      image_(j, 0) = Scalar(1);
+      turn(image_, 1);
+      std::copy_n(image_.data(), image_.outerStride(), small_.data());
+      if (!plain_) {
+        product<Into::subtract>(touched_, 1, touched_, z_, elements(image_), small_);
+      }
+      turn_back(small_, 1);
+      for (Index i = 0; i < dof_; ++i) projector_(i, j) = small_(i, 0);
     }
     return projector_;
   }
@@ -270,7 +273,8 @@ class PriorityIteration {
     for (Index i = 0; i < touched_; ++i) {
       if (tau_(i) == Scalar(0)) continue;
       for (Index c = 0; c < columns; ++c) {
-        reflect(free_ - i, tau_(i), at(reflectors_, i), at(p, c) + i);
+        const Index top = packet_begin<Scalar>(i);
+        reflect(free_ - top, tau_(i), at(reflectors_, i) + top, at(p, c) + top);
       }
     }
   }
@@ -279,7 +283,8 @@ class PriorityIteration {
     for (Index i = touched_; i-- > 0;) {
       if (tau_(i) == Scalar(0)) continue;
       for (Index c = 0; c < columns; ++c) {
-        reflect(free_ - i, tau_(i), at(reflectors_, i), at(p, c) + i);
+        const Index top = packet_begin<Scalar>(i);
+        reflect(free_ - top, tau_(i), at(reflectors_, i) + top, at(p, c) + top);
       }
     }
     for (Index i = free_; i < dof_; ++i) {
@@ -321,18 +326,19 @@ class PriorityIteration {
       return;
     }
     for (Index k = 0; k < rank_ && touched_ < free_; ++k) {
-      const Index n = free_ - touched_;
-      Scalar* x = at(jt_, k) + touched_;
-      Scalar* v = at(reflectors_, touched_);
-      std::copy_n(x, n, v);
-      std::fill_n(v + n, Simd<Scalar>::size - 1, Scalar(0));
-      const auto r = Reflection<Scalar>::make(n, v, 0);
-      std::fill_n(x, n, Scalar(0));
+      const Index t = touched_, top = packet_begin<Scalar>(t), n = free_ - top;
+      Scalar* x = at(jt_, k);
+      Scalar* v = at(reflectors_, t);
+      std::fill_n(v + top, t - top, Scalar(0));
+      std::copy_n(x + t, free_ - t, v + t);
+      fill_up(free_, v);
+      const auto r = Reflection<Scalar>::make(n, v + top, t - top);
+      std::fill_n(x + t, free_ - t, Scalar(0));
       // Rounding is no direction: the row lies in what is touched already.
       if (r.length * r.length <= square_of_rounding() * gram_(k, k)) continue;
-      x[0] = r.length;
-      tau_(touched_) = r.tau;
-      for (Index c = k + 1; c < rank_; ++c) reflect(n, r.tau, v, at(jt_, c) + touched_);
+      x[t] = r.length;
+      tau_(t) = r.tau;
+      for (Index c = k + 1; c < rank_; ++c) reflect(n, r.tau, v + top, at(jt_, c) + top);
       ++touched_;
     }
   }
@@ -402,7 +408,7 @@ class PriorityIteration {
         combine(n, eta_, at(k_, j), Scalar(1), at(b_or_gram, j), at(m_, j));
       }
     }
-    for (Index j = 0; j < n; ++j) std::fill_n(at(m_, j) + n, Simd<Scalar>::size - 1, Scalar(0));
+    for (Index j = 0; j < n; ++j) fill_up(n, at(m_, j));
   }
 
   /// K = ZᵀZ, where Z grows by U Vᵀ of few columns: K + P Vᵀ + V Pᵀ, P = ZᵀU + V (UᵀU) / 2.
@@ -420,16 +426,19 @@ class PriorityIteration {
 
   /// out = f(m_) in, up to what m_ maps to zero; m_ is overwritten.
   bool regularize(const Coefficients& in, Coefficients& out) noexcept {
-    // Where m_ − σ_t I has a Cholesky factor, f is the inverse.
+    // Where m_ − σ_t I has a Cholesky factor, f is the inverse. Both factors at a time: each is
+    // one long chain of operations that wait for each other.
     const Index n = touched_;
-    const bool regular = !small_eigenvalues_ &&
-                         cholesky(n, m_, Scalar(regularization_.threshold), f_) &&
-                         cholesky(n, m_, Scalar(0), f_);
+    bool regular = !small_eigenvalues_;
+    for (Index j = 0; j < n && regular; ++j) {
+      regular = cholesky_column(n, j, m_, Scalar(regularization_.threshold), shifted_) &&
+                cholesky_column(n, j, m_, Scalar(0), f_);
+    }
     if (regular) {
       for (Index c = 0; c < Columns; ++c) {
-        std::copy_n(at(in, c), n, at(out, c));
-        std::fill_n(at(out, c) + n, Simd<Scalar>::size - 1, Scalar(0));
-        cholesky_solve(n, f_, at(out, c));
+        std::copy_n(at(in, c), n, at(small_, c));
+        fill_up(n, at(small_, c));
+        cholesky_solve(n, f_, at(small_, c), at(out, c));
       }
       return finite(out, Columns);
     }
@@ -470,7 +479,7 @@ class PriorityIteration {
       const Index n = free_--;
       Scalar* v = at(reflectors_, n - 1);
       std::copy_n(at(jt_, k), n, v);
-      std::fill_n(v + n, Simd<Scalar>::size - 1, Scalar(0));
+      fill_up(n, v);
       tau_(n - 1) = Reflection<Scalar>::make(n, v, n - 1).tau;
       for (Index c = k + 1; c < rank_; ++c) {
         reflect(n, tau_(n - 1), v, at(jt_, c));
@@ -516,8 +525,9 @@ class PriorityIteration {
   // column i: the reflection that made coordinate i the first one not free, or the last touched
   Panel_ reflectors_;
   Panel_ z_, k_;  // I − Q, and its square
-  Panel_ jt_, gram_, weighted_, left_, right_, u_, m_, f_;
-  Coefficients e_, c_, image_, small_;
+  Panel_ jt_, gram_, weighted_, left_, right_, u_, m_, f_, shifted_;
+  Coefficients e_, c_;
+  mutable Coefficients image_, small_;  // scratch between calls
   SpectralInverse<Scalar, N> spectral_;
   mutable Square projector_;
 };

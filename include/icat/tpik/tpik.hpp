@@ -131,7 +131,8 @@ class Tpik {
 
   /// ρ after the last level, n: after `minimize_velocity`, ẏ. Always finite.
   const VectorN& velocity() const noexcept { return rho_; }
-  /// Q after the last `add_level`, n × n: what the levels so far leave to those below.
+  /// Q after the last `add_level`, n × n: what the levels so far leave to those below. Formed when
+  /// asked for, in O(n³); no allocation.
   const SquareN& projector() const noexcept { return iteration_.projector(); }
   /// Since the last reset.
   const TpikReport<Scalar>& report() const noexcept { return report_; }

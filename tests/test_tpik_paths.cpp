@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The solver takes shortcuts where they are exact (docs/solver.md). Here each is compared with the
+// literal Eq. (20)–(23) on both sides of its switch.
+#include <gtest/gtest.h>
+
+#include <icat/tpik/tpik.hpp>
+
+#include "support/oracle.hpp"
+
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// ẏ, and Q after the last level, against the literal formula in long double.
+void expect_literal(const RandomHierarchy& h, double tolerance = 1e-9) {
+  icat::Tpik<double> tpik(h.dof);
+  auto exact = oracle::start<long double>(h);
+  ASSERT_EQ(tpik.reset(h.rho0, h.Q0), icat::Status::ok);
+  for (const auto& level : h.levels) {
+    ASSERT_EQ(tpik.add_level(level.J, level.a, level.reference), icat::Status::ok);
+    exact.add(level.J.cast<long double>(), level.a.cast<long double>(),
+              level.reference.cast<long double>());
+    EXPECT_LT((tpik.projector().cast<long double>() - exact.Q).norm(), tolerance);
+    EXPECT_LT((tpik.velocity().cast<long double>() - exact.rho).norm(),
+              tolerance * (1 + exact.rho.norm()));
+  }
+  ASSERT_EQ(tpik.minimize_velocity(), icat::Status::ok);
+  exact.close();
+  EXPECT_LT((tpik.velocity().cast<long double>() - exact.rho).norm(),
+            tolerance * (1 + exact.rho.norm()));
+}
+
+RandomHierarchy empty(int dof) {
+  RandomHierarchy h;
+  h.dof = dof;
+  h.rho0 = VectorXd::Zero(dof);
+  h.Q0 = MatrixXd::Identity(dof, dof);
+  return h;
+}
+
+/// m × n with these singular values.
+MatrixXd with_singular_values(HierarchyGenerator& gen, const VectorXd& s, int n) {
+  const auto m = s.size();
+  const MatrixXd u = Eigen::HouseholderQR<MatrixXd>(gen.matrix(m, m)).householderQ();
+  const MatrixXd v = Eigen::HouseholderQR<MatrixXd>(gen.matrix(n, n)).householderQ();
+  return u * s.asDiagonal() * v.leftCols(m).transpose();
+}
+
+RandomLevel level(HierarchyGenerator& gen, const MatrixXd& J, const VectorXd& a) {
+  return {J, a, gen.matrix(J.rows(), 1)};
+}
+
+constexpr double threshold = 1e-2;
+
+// A binary level of full rank only shrinks the space, unless a singular value is regularized. The
+// certificate is sure of σ² ≥ σ_t where Σ 1/σ² ≤ 1/σ_t: both its ends, and both sides of σ_t.
+TEST(Paths, BinaryLevelsAroundTheThreshold) {
+  HierarchyGenerator gen(1);
+  for (const double square :
+       {0.0, 1e-9, 0.5 * threshold, threshold * (1 - 1e-9), threshold, threshold * (1 + 1e-9),
+        1.5 * threshold, 3.9 * threshold, 4.1 * threshold, 1.0}) {
+    SCOPED_TRACE(square);
+    RandomHierarchy h = empty(9);
+    const VectorXd s = VectorXd::Constant(4, std::sqrt(square));
+    VectorXd one = s;
+    one.head(3).setOnes();
+    for (const VectorXd& values : {s, one}) {
+      h.levels = {level(gen, gen.matrix(1, 9), VectorXd::Ones(1)),
+                  level(gen, with_singular_values(gen, values, 9), VectorXd::Ones(4)),
+                  level(gen, gen.matrix(3, 9), VectorXd::Ones(3))};
+      // f' is 1/λ² at most, so the roundings of a small square are amplified by that.
+      expect_literal(h, 1e-8);
+    }
+  }
+}
+
+// One scalar task has a closed form.
+TEST(Paths, ScalarTasksAroundTheThreshold) {
+  HierarchyGenerator gen(2);
+  for (const double square : {1e-12, 0.5 * threshold, threshold * (1 - 1e-12), threshold, 1.0}) {
+    RandomHierarchy h = empty(5);
+    h.levels = {level(gen, with_singular_values(gen, VectorXd::Constant(1, std::sqrt(square)), 5),
+                      VectorXd::Ones(1)),
+                level(gen, gen.matrix(2, 5), VectorXd::Ones(2))};
+    expect_literal(h);
+  }
+}
+
+// Binary and not quite binary levels take different paths.
+TEST(Paths, ActivationsNextToOne) {
+  HierarchyGenerator gen(3);
+  const RandomLevel first = level(gen, gen.matrix(2, 8), VectorXd::Ones(2));
+  const RandomLevel second = level(gen, gen.matrix(3, 8), VectorXd::Ones(3));
+  const RandomLevel third = level(gen, gen.matrix(4, 8), VectorXd::Ones(4));
+  for (const double a : {1.0, std::nextafter(1.0, 0.0), 1 - 1e-9, 1 - 1e-3}) {
+    SCOPED_TRACE(a);
+    RandomHierarchy h = empty(8);
+    h.levels = {first, second, third};
+    h.levels[0].a(1) = a;
+    expect_literal(h);
+    h.levels[0].a(1) = 1;
+    h.levels[1].a(2) = a;
+    expect_literal(h);
+  }
+}
+
+// (I − Q)ᵀ(I − Q) has the eigenvalue a² after a partial level: Cholesky above σ_t, QR steps below.
+TEST(Paths, PartialLevelsAroundTheThreshold) {
+  HierarchyGenerator gen(4);
+  for (const double a : {1e-3, 0.05, 0.1 * (1 - 1e-9), 0.1, 0.1 * (1 + 1e-9), 0.15, 0.5}) {
+    SCOPED_TRACE(a);
+    RandomHierarchy h = empty(7);
+    for (const int rows : {1, 3, 1, 2, 4}) {
+      h.levels.push_back(level(gen, gen.matrix(rows, 7), VectorXd::Constant(rows, a)));
+    }
+    expect_literal(h);
+  }
+}
+
+// As many rows as are free, one less, one more; and more than one chunk of n rows.
+TEST(Paths, WideAndTallLevels) {
+  HierarchyGenerator gen(5);
+  for (const int rows : {4, 5, 6, 7, 15, 30}) {
+    for (const double a : {1.0, 0.6}) {
+      for (const double first : {1.0, 0.3}) {
+        SCOPED_TRACE(rows);
+        RandomHierarchy h = empty(7);
+        h.levels = {level(gen, gen.matrix(2, 7), VectorXd::Constant(2, first)),
+                    level(gen, gen.matrix(rows, 7), VectorXd::Constant(rows, a)),
+                    level(gen, gen.matrix(3, 7), VectorXd::Ones(3))};
+        expect_literal(h);
+      }
+    }
+  }
+}
+
+// Rows that touch nothing new: repeated ones, and levels that come twice.
+TEST(Paths, RowsThatTouchNothingNew) {
+  HierarchyGenerator gen(6);
+  for (const double a : {1.0, 0.4}) {
+    RandomHierarchy h = empty(6);
+    MatrixXd J = gen.matrix(3, 6);
+    J.row(2) = J.row(0);
+    h.levels = {level(gen, J, VectorXd::Constant(3, a)), level(gen, J, VectorXd::Constant(3, 0.7)),
+                level(gen, J.row(1), VectorXd::Ones(1)),
+                level(gen, gen.matrix(2, 6), VectorXd::Ones(2))};
+    expect_literal(h);
+  }
+}
+
+// A start that chooses coordinates, and the same in turned axes, which is dense.
+TEST(Paths, StartsThatChooseCoordinatesAndOthers) {
+  HierarchyGenerator gen(7);
+  for (const bool turned : {false, true}) {
+    RandomHierarchy h = empty(8);
+    for (const int i : {1, 4, 7}) h.Q0(i, i) = 0;
+    h.rho0 << 0, 0.3, 0, 0, -0.2, 0, 0, 0.1;
+    MatrixXd axes = MatrixXd::Identity(8, 8);
+    if (turned) axes = Eigen::HouseholderQR<MatrixXd>(gen.matrix(8, 8)).householderQ();
+    h.Q0 = axes * h.Q0 * axes.transpose();
+    h.rho0 = axes * h.rho0;
+    for (const double a : {1.0, 0.5, 1.0}) {
+      h.levels.push_back(level(gen, gen.matrix(2, 8), VectorXd::Constant(2, a)));
+    }
+    expect_literal(h);
+  }
+}
+
+// Where a general hierarchy has used up every direction, what follows is nothing.
+TEST(Paths, NothingLeft) {
+  HierarchyGenerator gen(8);
+  RandomHierarchy h = empty(6);
+  h.levels = {level(gen, gen.matrix(1, 6), VectorXd::Constant(1, 0.5)),
+              level(gen, gen.matrix(6, 6), VectorXd::Ones(6)),
+              level(gen, gen.matrix(4, 6), VectorXd::Constant(4, 0.5)),
+              level(gen, gen.matrix(2, 6), VectorXd::Ones(2))};
+  expect_literal(h);
+}
+
+template <class S>
+class Spectral : public testing::Test {};
+using Scalars = testing::Types<float, double>;
+TYPED_TEST_SUITE(Spectral, Scalars);
+
+// f(S) b and f(S) against Eigen's eigendecomposition in long double, where rounding is amplified by
+// f' ≤ 1/λ² = 100 here.
+TYPED_TEST(Spectral, EqualsTheEigendecomposition) {
+  using S = TypeParam;
+  using M = Eigen::Matrix<S, Eigen::Dynamic, Eigen::Dynamic>;
+  const icat::BellRegularization<S> f{S(0.1), S(0.2)};
+  HierarchyGenerator gen(9);
+  constexpr int largest = 20;
+  icat::detail::SpectralInverse<S, Eigen::Dynamic> spectral(largest);
+  using Panel = icat::detail::Panel<S, Eigen::Dynamic>;
+  for (int n = 1; n <= largest; ++n) {
+    for (int kind = 0; kind < 5; ++kind) {
+      SCOPED_TRACE(n * 10 + kind);
+      // Regular, rank deficient, all small, clustered, zero.
+      VectorXd sigma(n);
+      for (int i = 0; i < n; ++i) {
+        sigma(i) = kind == 0   ? gen.uniform(0.25, 2)
+                   : kind == 1 ? (i % 2 ? 0 : gen.uniform(0.05, 2))
+                   : kind == 2 ? gen.uniform(0, 0.19)
+                   : kind == 3 ? (i % 3 ? 0.1 : 1.0)
+                               : 0;
+      }
+      const MatrixXd v = Eigen::HouseholderQR<MatrixXd>(gen.matrix(n, n)).householderQ();
+      const MatrixXd exact_S = v * sigma.asDiagonal() * v.transpose();
+      VectorXd inverse(n);
+      const icat::BellRegularization<double> exact_f{0.1, 0.2};
+      for (int i = 0; i < n; ++i) inverse(i) = exact_f.inverse(sigma(i));
+      const MatrixXd exact = v * inverse.asDiagonal() * v.transpose();
+      const VectorXd b = exact_S * VectorXd(gen.matrix(n, 1));
+
+      const auto panel = [&] {
+        Panel p = icat::detail::zero_panel<Panel>(largest, largest);
+        p.topLeftCorner(n, n) = exact_S.cast<S>();
+        return p;
+      };
+      const double rounding = 3e3 * n * static_cast<double>(std::numeric_limits<S>::epsilon());
+      Panel s = panel(), out = panel();
+      ASSERT_TRUE(spectral.compute(s, n, out, f));
+      EXPECT_LT((M(out.topLeftCorner(n, n)).template cast<double>() - exact).norm(),
+                rounding * (1 + exact.norm()));
+      EXPECT_EQ(spectral.below(), (sigma.array() < 0.2).count());
+
+      s = panel();
+      Panel in = icat::detail::zero_panel<Panel>(largest, 1), z = in;
+      in.col(0).head(n) = b.cast<S>();
+      ASSERT_TRUE(spectral.apply(s, n, in.data(), z.data(), f));
+      EXPECT_LT((M(z.topRows(n)).template cast<double>() - exact * b).norm(),
+                rounding * (1 + (exact * b).norm()));
+    }
+  }
+}
+
+}  // namespace
