@@ -19,8 +19,9 @@ set xlabel "degrees of freedom"
 set ylabel "µs"
 set logscale xy
 set fit quiet logfile "/dev/null"
+set xrange [6:80]
 set yrange [*:*]
-set xtics (7, 13, 20, 26, 32, 64)
+set xtics (7, 13, 20, 32, 64)
 f(x) = a * x**b
 a = 0.05; b = 2
 fit log10(f(x)) dir."/growth.dat" using 1:(log10($2)) via a, b
