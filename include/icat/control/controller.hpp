@@ -7,7 +7,8 @@
 ///
 /// **Parallel** [MARIS, III-B9], [Coop, III-G]: TPIK 1 is the whole-body one, of which only v̄ is
 /// kept; TPIK 2 takes all six vehicle velocities as measured, and only its q̇ is kept: the arm makes
-/// up for what the vehicle does not track. Each may run at its own rate.
+/// up for what the vehicle does not track. Each may run at its own rate. For an arm loop that is
+/// faster than any solver TPIK 2 also comes as a law in the vehicle's velocity [Coop, Eq. (24)].
 #pragma once
 
 #include <array>
@@ -17,6 +18,7 @@
 
 #include "icat/action/transition.hpp"
 #include "icat/action/unified_hierarchy.hpp"
+#include "icat/tpik/parametric_tpik.hpp"
 #include "icat/tpik/tpik.hpp"
 
 namespace icat {
@@ -35,6 +37,17 @@ class Controller {
   using Solver = Tpik<Scalar, R::size, Regularization>;
   /// ẏ, n.
   using Velocity = typename Solver::VectorN;
+  /// Joints at compile time.
+  static constexpr int arm_size = R::size == Eigen::Dynamic ? Eigen::Dynamic : R::size - 6;
+  /// q̇, l.
+  using JointVelocity = Vector<Scalar, arm_size>;
+
+  /// One level of the hierarchy as the solver gets it, phase activations included.
+  struct Level {
+    JacobianMatrix<Scalar, R::size> jacobian;   ///< rows × n
+    Vector<Scalar, Eigen::Dynamic> activation;  ///< rows, in [0, 1]
+    Vector<Scalar, Eigen::Dynamic> reference;   ///< rows
+  };
 
   /// Settings, with defaults.
   struct Options {
@@ -59,6 +72,7 @@ class Controller {
         targets_(transition_.count()),
         vehicle_tpik_(make_solver(robot, options)),
         arm_tpik_(make_solver(robot, options)),
+        arm_law_(make_law(robot, options)),
         velocity_(Velocity::Zero(robot.dof())),
         rho0_(Velocity::Zero(robot.dof())),
         vehicle_Q0_(Solver::SquareN::Identity(robot.dof(), robot.dof())),
@@ -72,7 +86,9 @@ class Controller {
           tasks_.push_back(entry.task);
         }
       }
-      stacks_.push_back({Jacobian::Zero(rows, robot.dof()), Rows::Zero(rows), Rows::Zero(rows)});
+      levels_.push_back({JacobianMatrix<Scalar, R::size>::Zero(rows, robot.dof()),
+                         Vector<Scalar, Eigen::Dynamic>::Zero(rows),
+                         Vector<Scalar, Eigen::Dynamic>::Zero(rows)});
     }
     arm_Q0_.diagonal().template tail<6>().setZero();
     for (Index i = 0; i < 6; ++i) {
@@ -113,7 +129,7 @@ class Controller {
   /// - a time at fault, or no action yet: the velocity stays what it was.
   /// The velocity is always finite, and inside the bounds in what may be chosen.
   Status step(Scalar time, const Vector6<Scalar>& measured = Vector6<Scalar>::Zero()) noexcept {
-    Status status = prepare(time);
+    Status status = update(time);
     if (status != Status::ok) return status;
     status = solve(vehicle_tpik_, vehicle_Q0_, measured);
     velocity_ = vehicle_tpik_.velocity();
@@ -126,7 +142,7 @@ class Controller {
   }
   /// TPIK 1 alone, at the vehicle's rate: a new `vehicle_velocity`.
   Status step_vehicle(Scalar time, const Vector6<Scalar>& measured) noexcept {
-    Status status = prepare(time);
+    Status status = update(time);
     if (status != Status::ok) return status;
     status = solve(vehicle_tpik_, vehicle_Q0_, measured);
     velocity_.template tail<6>() = vehicle_tpik_.velocity().template tail<6>();
@@ -134,69 +150,29 @@ class Controller {
   }
   /// TPIK 2 alone, at the arm's rate: a new `joint_velocity`.
   Status step_arm(Scalar time, const Vector6<Scalar>& measured) noexcept {
-    Status status = prepare(time);
+    Status status = update(time);
     if (status != Status::ok) return status;
     status = solve(arm_tpik_, arm_Q0_, measured);
     velocity_.head(robot_.arm_dof()) = arm_tpik_.velocity().head(robot_.arm_dof());
     return status;
   }
 
-  /// ẏ = [q̇; v̄]; v̄ with components on ⟨v⟩. Components that are not actuated hold what was measured.
-  const Velocity& velocity() const noexcept { return velocity_; }
-  /// q̇ of `velocity`, rad/s or m/s.
-  auto joint_velocity() const noexcept { return velocity_.head(robot_.arm_dof()); }
-  /// v̄ of `velocity`, components on ⟨v⟩.
-  auto vehicle_velocity() const noexcept { return velocity_.template tail<6>(); }
-
-  /// Name of the action that runs or is being entered; empty before `start`.
-  std::string_view action() const noexcept {
-    return action_ == none ? std::string_view{} : std::string_view{names_[action_]};
-  }
-  /// An action is being entered.
-  bool in_transition() const noexcept { return action_ != none && !transition_.finished(); }
-  /// The unified hierarchy of the actions.
-  const UnifiedHierarchy<R>& hierarchy() const noexcept { return hierarchy_; }
-  /// aᵖ of every entry of the hierarchy, level by level.
-  std::span<const Scalar> phase_activations() const noexcept { return transition_.values(); }
-  /// Reports of the two solvers; levels are those of `hierarchy`.
-  const TpikReport<Scalar>& report() const noexcept { return vehicle_tpik_.report(); }
-  /// Report of TPIK 2.
-  const TpikReport<Scalar>& arm_report() const noexcept { return arm_tpik_.report(); }
-
- private:
-  using Jacobian = JacobianMatrix<Scalar, R::size>;
-  using Rows = Vector<Scalar, Eigen::Dynamic>;
-  struct Stack {
-    Jacobian jacobian;
-    Rows activation, reference;
-  };
-  static constexpr std::size_t none = static_cast<std::size_t>(-1);
-
-  static Solver make_solver(const R& robot, const Options& options) {
-    if constexpr (R::size == Eigen::Dynamic) {
-      return Solver(robot.dof(), options.solver);
-    } else {
-      return Solver(options.solver);
+  /// The arm law of [Coop, Eq. (24)] for the present state: after it `joint_velocity(measured)`
+  /// answers every new measurement without solving.
+  Status step_arm_law(Scalar time) noexcept {
+    Status status = update(time);
+    if (status != Status::ok) return status;
+    arm_law_.reset();
+    for (std::size_t k = 0; k < levels_.size() && status == Status::ok; ++k) {
+      const Level& level = levels_[k];
+      status = arm_law_.add_level(level.jacobian, level.activation, level.reference);
     }
+    const Status closing = arm_law_.minimize_velocity();
+    return status == Status::ok ? closing : status;
   }
-  std::size_t count_entries() const {
-    std::size_t count = 0;
-    for (const auto& level : hierarchy_) count += level.size();
-    return count;
-  }
-  std::size_t find(std::string_view action) const noexcept {
-    return static_cast<std::size_t>(std::find(names_.begin(), names_.end(), action) -
-                                    names_.begin());
-  }
-  void set_targets(std::size_t action) noexcept {
-    std::size_t i = 0;
-    for (const auto& level : hierarchy_) {
-      for (const auto& entry : level)
-        targets_[i++] = entry.in_action[action] ? Scalar(1) : Scalar(0);
-    }
-  }
-  /// Phase activations at `time`, tasks at the robot's state, rows stacked level by level.
-  Status prepare(Scalar time) noexcept {
+  /// Phase activations at `time`, tasks at the robot's state, rows stacked into `levels`: what each
+  /// step does before it solves.
+  Status update(Scalar time) noexcept {
     if (action_ == none) return Status::not_started;
     if (const Status status = transition_.update(time); status != Status::ok) return status;
     for (Task<R>* task : tasks_) {
@@ -204,14 +180,14 @@ class Controller {
     }
     std::size_t i = 0;
     for (std::size_t k = 0; k < hierarchy_.size(); ++k) {
-      Stack& stack = stacks_[k];
+      Level& level = levels_[k];
       Index row = 0;
       for (const auto& entry : hierarchy_[k]) {
         const Scalar phase = transition_.values()[i++];
         const Index rows = entry.task->rows();
-        auto jacobian = stack.jacobian.middleRows(row, rows);
-        auto reference = stack.reference.segment(row, rows);
-        auto activation = stack.activation.segment(row, rows);
+        auto jacobian = level.jacobian.middleRows(row, rows);
+        auto reference = level.reference.segment(row, rows);
+        auto activation = level.activation.segment(row, rows);
         if (!(phase > Scalar(0))) {
           // Old values could be what made the level be refused; the solver checks inactive rows
           // too.
@@ -229,6 +205,79 @@ class Controller {
       }
     }
     return Status::ok;
+  }
+
+  /// ẏ = [q̇; v̄]; v̄ with components on ⟨v⟩. Components that are not actuated hold what was measured.
+  const Velocity& velocity() const noexcept { return velocity_; }
+  /// q̇ of `velocity`, rad/s or m/s.
+  auto joint_velocity() const noexcept { return velocity_.head(robot_.arm_dof()); }
+  /// q̇ = ρ̃ + P v for the vehicle's velocity `measured`, components on ⟨v⟩; scaled as a whole into
+  /// the velocity bounds. Of the last `step_arm_law`; zero velocity where `measured` is not finite.
+  JointVelocity joint_velocity(const Vector6<Scalar>& measured) const noexcept {
+    JointVelocity velocity = JointVelocity::Zero(robot_.arm_dof());
+    if (!measured.allFinite()) return velocity;
+    JointVelocity wanted = arm_law_.evaluate(measured);
+    if (!wanted.allFinite()) return velocity;
+    if (!options_.solver.bounds) return wanted;
+    const auto& bounds = *options_.solver.bounds;
+    bounds.advance(velocity, wanted, bounds.scale(velocity, wanted));
+    return velocity;
+  }
+  /// v̄ of `velocity`, components on ⟨v⟩.
+  auto vehicle_velocity() const noexcept { return velocity_.template tail<6>(); }
+
+  /// Name of the action that runs or is being entered; empty before `start`.
+  std::string_view action() const noexcept {
+    return action_ == none ? std::string_view{} : std::string_view{names_[action_]};
+  }
+  /// An action is being entered.
+  bool in_transition() const noexcept { return action_ != none && !transition_.finished(); }
+  /// The unified hierarchy of the actions.
+  const UnifiedHierarchy<R>& hierarchy() const noexcept { return hierarchy_; }
+  /// aᵖ of every entry of the hierarchy, level by level.
+  std::span<const Scalar> phase_activations() const noexcept { return transition_.values(); }
+  /// The levels of `hierarchy` as of the last step or `update`.
+  std::span<const Level> levels() const noexcept { return levels_; }
+  /// Reports of the two solvers; levels are those of `hierarchy`.
+  const TpikReport<Scalar>& report() const noexcept { return vehicle_tpik_.report(); }
+  /// Report of TPIK 2.
+  const TpikReport<Scalar>& arm_report() const noexcept { return arm_tpik_.report(); }
+
+ private:
+  using Law = ParametricTpik<Scalar, arm_size, 6, Regularization>;
+  static constexpr std::size_t none = static_cast<std::size_t>(-1);
+
+  static Solver make_solver(const R& robot, const Options& options) {
+    if constexpr (R::size == Eigen::Dynamic) {
+      return Solver(robot.dof(), options.solver);
+    } else {
+      return Solver(options.solver);
+    }
+  }
+  static Law make_law(const R& robot, const Options& options) {
+    const typename Law::Options law{options.solver.regularization,
+                                    options.solver.projection_weight};
+    if constexpr (R::size == Eigen::Dynamic) {
+      return Law(robot.arm_dof(), law);
+    } else {
+      return Law(law);
+    }
+  }
+  std::size_t count_entries() const {
+    std::size_t count = 0;
+    for (const auto& level : hierarchy_) count += level.size();
+    return count;
+  }
+  std::size_t find(std::string_view action) const noexcept {
+    return static_cast<std::size_t>(std::find(names_.begin(), names_.end(), action) -
+                                    names_.begin());
+  }
+  void set_targets(std::size_t action) noexcept {
+    std::size_t i = 0;
+    for (const auto& level : hierarchy_) {
+      for (const auto& entry : level)
+        targets_[i++] = entry.in_action[action] ? Scalar(1) : Scalar(0);
+    }
   }
   /// A task may have resized what it yields; its level is then refused.
   bool fits(const Task<R>& task) const noexcept {
@@ -253,8 +302,8 @@ class Controller {
       rho0_(j) = Q0(j, j) == Scalar(0) ? measured(i) : Scalar(0);
     }
     Status status = tpik.reset(rho0_, Q0);
-    for (std::size_t k = 0; k < stacks_.size() && status == Status::ok; ++k) {
-      status = tpik.add_level(stacks_[k].jacobian, stacks_[k].activation, stacks_[k].reference);
+    for (std::size_t k = 0; k < levels_.size() && status == Status::ok; ++k) {
+      status = tpik.add_level(levels_[k].jacobian, levels_[k].activation, levels_[k].reference);
     }
     const Status closing = tpik.minimize_velocity();
     return status == Status::ok ? closing : status;
@@ -267,9 +316,10 @@ class Controller {
   std::vector<Scalar> targets_;
   std::vector<std::string> names_;
   std::vector<Task<R>*> tasks_;
-  std::vector<Stack> stacks_;
+  std::vector<Level> levels_;
   std::size_t action_{none};
   Solver vehicle_tpik_, arm_tpik_;
+  Law arm_law_;
   Velocity velocity_, rho0_;
   typename Solver::SquareN vehicle_Q0_, arm_Q0_;
 };

@@ -18,6 +18,7 @@ enum class [[nodiscard]] Status{
     invalid_duration,         ///< a transition must take a finite time > 0
     not_started,              ///< no action has been started yet
     unknown_action,           ///< no action of that name or index
+    unknown_agent,            ///< no other agent of that index
 };
 
 /// One line for a log. No allocation.
@@ -43,6 +44,8 @@ constexpr const char* describe(Status status) noexcept {
       return "no action has been started";
     case Status::unknown_action:
       return "unknown action";
+    case Status::unknown_agent:
+      return "unknown agent";
   }
   return "unknown status";
 }

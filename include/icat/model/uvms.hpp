@@ -63,7 +63,7 @@ class Uvms {
   static constexpr Index dof() noexcept { return size; }
   /// Number of joints.
   static constexpr Index arm_dof() noexcept { return ArmDof; }
-  /// As given at construction.
+  /// As given at construction; the tool as set last.
   const Description& description() const noexcept { return description_; }
   /// The arm.
   const Arm& arm() const noexcept { return description_.arm; }
@@ -74,6 +74,16 @@ class Uvms {
     if (!q.allFinite() || !vehicle.matrix().allFinite()) return Status::non_finite;
     if (!is_rigid(vehicle)) return Status::not_a_rotation;
     compute(q, vehicle);
+    return Status::ok;
+  }
+
+  /// Another tool frame ⟨t⟩ in ⟨e⟩, such as the frame of an object that was just grasped. Refused
+  /// like a bad state. No allocation.
+  Status set_tool(const Pose<Scalar>& tool) noexcept {
+    if (!tool.matrix().allFinite()) return Status::non_finite;
+    if (!is_rigid(tool)) return Status::not_a_rotation;
+    description_.tool = tool;
+    compute(q_, vehicle_);
     return Status::ok;
   }
 

@@ -1,0 +1,524 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The mission of [Coop, V-A]: two vehicles come to a pipe on the seabed, grasp it at both ends,
+// carry it to another place while turning it, set it down and step back. Tasks and their order are
+// those of [Coop, III-E], phases and activations those of its Table I.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <icat/icat.hpp>
+#include <memory>
+#include <numbers>
+#include <string>
+#include <vector>
+
+namespace cooperation {
+
+using Robot = icat::Uvms<double, 7>;
+using Pose = icat::Pose<double>;
+using Vector3 = icat::Vector3<double>;
+using Vector6 = icat::Vector6<double>;
+using Command = icat::Vector<double, 13>;
+using Objective = icat::Objective<double>;
+
+struct Variant {
+  bool current = false;       ///< a sinusoidal current along x of the world, on both vehicles
+  bool compensation = false;  ///< the arms make up for what the vehicles do not track
+  bool centralized = false;   ///< one solver for both robots, instead of two that exchange 192 bits
+};
+
+// --- the scene, NED: z points down ---------------------------------------------------------------
+
+inline Pose pose(const Vector3& position, double roll, double pitch, double yaw) {
+  Pose p = Pose::Identity();
+  p.translation() = position;
+  p.linear() =
+      (Eigen::AngleAxisd(yaw, Vector3::UnitZ()) * Eigen::AngleAxisd(pitch, Vector3::UnitY()) *
+       Eigen::AngleAxisd(roll, Vector3::UnitX()))
+          .toRotationMatrix();
+  return p;
+}
+
+// [Coop, V]: the pipe's centre, the grasps, the goals. The pipe lies along x of its frame.
+inline constexpr double quarter = std::numbers::pi / 2;
+inline const Pose pipe_start = pose({0.5, 0.5, 3}, 0, 0, 0);
+inline const Pose pre_deployment = pose({3, 5, 2}, 0, 0, quarter);
+inline const Pose deployment = pose({3, 5, 3}, 0, 0, quarter);
+inline constexpr double grasp_distance = 1.5, step_back = 0.5;
+
+/// Grippers come from above, their y axis along the pipe. `side` is −1 for robot a, +1 for b.
+inline Pose grasp_on_pipe(double side) {
+  Pose g = pose({side * grasp_distance, 0, 0}, 0, 0, quarter);
+  g.linear() = g.linear() * Vector3(-1, -1, 1).asDiagonal();
+  return g;
+}
+/// Where the vehicle hovers before it grasps: above the pipe and behind it, facing it.
+inline Pose hover(double side) {
+  return pipe_start * pose({side * grasp_distance, -0.7, -1.35}, 0, 0, quarter);
+}
+inline Pose start(double side) {
+  return side < 0 ? pose({-0.6, -1.7, 0.9}, 0.12, -0.1, 0.9)
+                  : pose({1.7, -1.8, 1.0}, -0.1, 0.1, 2.2);
+}
+/// Up to 0.05 m/s, period 10 s, along x of the world.
+inline Vector3 sinusoidal_current(double t) {
+  return {0.05 * std::sin(2 * std::numbers::pi * t / 10), 0, 0};
+}
+
+// --- one set of gains, margins and limits for the whole mission ----------------------------------
+
+inline constexpr double dt = 0.01;   ///< s
+inline constexpr double fade = 2.0;  ///< s, of all transitions, "a couple of seconds"
+inline constexpr double minimum_distance = 2.0, distance_margin = 0.5;  // m
+inline constexpr double minimum_manipulability = 0.07, manipulability_margin = 0.04;
+inline constexpr double maximum_attitude = 0.2, attitude_margin = 0.1;     // rad
+inline constexpr double maximum_centering = 0.25, centering_margin = 0.1;  // rad
+inline constexpr double hover_position = 0.15, hover_orientation = 0.1;    // m, rad
+inline constexpr double limit_margin = 0.3;                                // rad
+inline constexpr double tool_gain = 1.6, tool_linear = 0.3, tool_angular = 0.12;
+inline constexpr double vehicle_gain = 0.8, vehicle_linear = 0.5, vehicle_angular = 0.35;
+inline constexpr double joint_speed = 1.0, vehicle_speed = 0.8, vehicle_turn = 0.6;
+inline constexpr double settle = 2.5;  ///< s, the phases around the firm grasp, as in the paper
+
+inline icat::Controller<Robot>::Options controller_options(const Variant& variant) {
+  Command limit;
+  limit << icat::Vector<double, 7>::Constant(joint_speed), Vector3::Constant(vehicle_speed),
+      Vector3::Constant(vehicle_turn);
+  return {.scheme = variant.compensation ? icat::Scheme::parallel : icat::Scheme::whole_body,
+          .solver = {.bounds = icat::VelocityBounds<double, 13>{-limit, limit}}};
+}
+
+inline Robot make_robot() {
+  Pose gripper = Pose::Identity();
+  gripper.translation().z() = 0.1;
+  return Robot({.arm = icat::maris_arm<double>(),
+                .arm_mount = icat::maris_arm_mount<double>(),
+                .camera = pose({0.45, 0, 0.35}, 0, 0, 0),  // looks down
+                .tool = gripper});
+}
+
+/// A robot with its tasks, its actions and its plant.
+class Side {
+ public:
+  Side(double side, const Variant& variant)
+      : side_(side),
+        robot(make_robot()),
+        gripper(robot.description().tool),
+        plant(plant_options(side, variant)),
+        joint_limits(robot, {.margin = limit_margin, .gain = 0.5}),
+        vehicle_distance(robot, {.other = start(-side).translation(),
+                                 .minimum = minimum_distance,
+                                 .margin = distance_margin,
+                                 .gain = 0.5}),
+        manipulability(
+            robot,
+            {.minimum = minimum_manipulability, .margin = manipulability_margin, .gain = 1.0}),
+        centering(robot, {.target = (pipe_start * grasp_on_pipe(side)).translation(),
+                          .norm = Objective::at_most(maximum_centering, centering_margin),
+                          .gain = 0.5}),
+        attitude(robot,
+                 {.norm = Objective::at_most(maximum_attitude, attitude_margin), .gain = 0.5}),
+        vehicle_pose(
+            robot,
+            {.goal = hover(side),
+             .norms = {{.position = Objective::at_most(hover_position, 0.1).toward(0),
+                        .orientation = Objective::at_most(hover_orientation, 0.08).toward(0)}},
+             .gain = vehicle_gain,
+             .max_linear_rate = vehicle_linear,
+             .max_angular_rate = vehicle_angular}),
+        tool_grasp(robot, to("tool to grasp", pipe_start * grasp_on_pipe(side))),
+        tool_transport(robot, to("tool to pre-deployment", pre_deployment)),
+        tool_deploy(robot, to("tool to deployment", deployment)),
+        tool_away(robot, to("tool to step back", away_goal(side))),
+        still_arm(robot),
+        still_vehicle(robot) {}
+
+  //! [actions]
+  std::vector<icat::Action<Robot>> actions() {
+    const icat::PriorityLevel<Robot> limits{joint_limits}, distance{vehicle_distance},
+        dexterity{manipulability}, camera{centering}, level{attitude};
+    return {{"navigate", {limits, distance, dexterity, level, {vehicle_pose}, {still_arm}}},
+            {"grasp", {limits, distance, dexterity, camera, level, {tool_grasp}, {still_vehicle}}},
+            {"join", {limits, distance, dexterity, level, {tool_grasp}, {still_arm}}},
+            {"transport", {limits, distance, dexterity, level, {tool_transport}, {still_arm}}},
+            {"deploy", {limits, distance, dexterity, level, {tool_deploy}, {still_vehicle}}},
+            {"part", {limits, distance, dexterity, level, {tool_deploy}, {still_vehicle}}},
+            {"step back", {limits, distance, dexterity, level, {tool_away}, {still_vehicle}}}};
+  }
+  /// Those in which the tool's velocity is agreed on.
+  std::vector<icat::SharedAction<Robot>> shared() {
+    return {{"join", tool_grasp}, {"transport", tool_transport}, {"deploy", tool_deploy}};
+  }
+  //! [actions]
+
+  /// The gripper's pose.
+  Pose gripper_pose() const { return robot.tool() * robot.description().tool.inverse() * gripper; }
+  /// ⟨t⟩ becomes the frame of the object, wherever it is in the gripper.
+  icat::Status take(const Pose& object) {
+    tool_grasp.set_goal(object);
+    return robot.set_tool(gripper * (gripper_pose().inverse() * object));
+  }
+  /// ⟨t⟩ becomes the gripper again.
+  icat::Status leave() {
+    tool_deploy.set_goal(gripper_pose());
+    return robot.set_tool(gripper);
+  }
+
+ private:
+  const double side_;
+
+  static Pose away_goal(double side) {
+    Pose goal = deployment * grasp_on_pipe(side);
+    goal.translation().z() -= step_back;
+    return goal;
+  }
+  static icat::task::PoseTaskOptions<double> to(const char* name, const Pose& goal) {
+    return {.name = name,
+            .goal = goal,
+            .gain = tool_gain,
+            .max_linear_rate = tool_linear,
+            .max_angular_rate = tool_angular};
+  }
+  static icat::KinematicPlant<double, 7>::Options plant_options(double side,
+                                                                const Variant& variant) {
+    icat::KinematicPlant<double, 7>::Options options;
+    options.q << 0, 0.7, 0, -1.8, 0, 1.1, 0;
+    options.vehicle = start(side);
+    if (variant.current) options.current = sinusoidal_current;
+    return options;
+  }
+
+ public:
+  Robot robot;
+  const Pose gripper;  ///< ⟨gripper⟩ in the end-effector's frame
+  icat::KinematicPlant<double, 7> plant;
+
+  icat::task::JointLimits<Robot> joint_limits;
+  icat::task::VehicleDistance<Robot> vehicle_distance;
+  icat::task::Manipulability<Robot> manipulability;
+  icat::task::CameraCentering<Robot> centering;
+  icat::task::HorizontalAttitude<Robot> attitude;
+  icat::task::VehiclePose<Robot> vehicle_pose;
+  icat::task::ToolPose<Robot> tool_grasp, tool_transport, tool_deploy, tool_away;
+  icat::task::ArmMotionMinimality<Robot> still_arm;
+  icat::task::VehicleMotionMinimality<Robot> still_vehicle;
+};
+
+// --- what is recorded ----------------------------------------------------------------------------
+
+/// Rows of Table I, the joint limits apart.
+inline const std::array<const char*, 9> task_names{
+    "vehicle_distance", "manipulability", "camera_centering", "horizontal_attitude", "vehicle_pose",
+    "tool_pose",        "still_arm",      "still_vehicle",    "agreed_velocity"};
+
+struct RobotSample {
+  Command command;           ///< [q̇; v̄]
+  Vector6 vehicle_velocity;  ///< as it was over the cycle before
+  Pose vehicle, tool, gripper;
+  icat::Vector<double, 7> q;
+  Vector6 tool_velocity;  ///< as it is under the command and the current, components on ⟨t⟩
+  double joint_margin, manipulability, attitude, centering;
+  std::array<double, 7> limit_activations;
+  std::array<double, 9> activations;  ///< as `task_names`; the largest of each task's rows
+  Eigen::Matrix<double, 3, 9> arm;    ///< its points in the world, from mount to gripper
+};
+
+struct Sample {
+  double t;
+  std::size_t phase;
+  std::array<RobotSample, 2> robots;
+  bool grasped;                              ///< firmly, by both
+  Pose object;                               ///< midway between the two tools while grasped
+  double position_error, orientation_error;  ///< of the object to the goal of the phase, m, rad
+  double distance;                           ///< between the vehicles, m
+  double mismatch;                           ///< ‖J_a ẏ_a − J_b ẏ_b‖
+  Vector6 agreed;                            ///< ẋ̂_t
+};
+
+inline const std::array<const char*, 7> phase_names{"navigate", "grasp", "join",     "transport",
+                                                    "deploy",   "part",  "step back"};
+/// [Coop, V-A]
+inline constexpr std::array<double, 7> paper_ends{5.95, 13.2, 15.7, 39.3, 45.04, 47.5, 55};
+
+struct Result {
+  std::vector<Sample> samples;
+  std::vector<double> ends;  ///< of the phases, s
+  icat::Status status = icat::Status::ok;
+  double pre_deployment_position = 0, pre_deployment_orientation = 0;  ///< errors, m, rad
+  double deployment_position = 0, deployment_orientation = 0;
+  double mismatch = 0;                ///< largest ‖J_a ẏ_a − J_b ẏ_b‖ while grasped
+  double drift = 0, drift_angle = 0;  ///< largest of the relative tool pose, m, rad
+  double object_speed_error = 0;      ///< RMS of the tools' velocity off the agreed one
+  double step = 0, event_step = 0;    ///< largest ‖Δẏ‖: outside, at grasp and release
+  double chatter = 0;                 ///< largest alternation, see `alternation`
+  double joint_margin = 1e9, distance = 1e9, manipulability = 1e9, attitude = 0;  ///< extremes
+  double bits_per_second = 0;  ///< that each robot sends while cooperating
+  bool finished = false;       ///< no phase ran into its time limit
+};
+
+/// The smallest |Δ| of three changes in a row that alternate in sign, 0 if they do not.
+inline double alternation(double d1, double d2, double d3) {
+  if (d1 * d2 >= 0 || d2 * d3 >= 0) return 0;
+  return std::min({std::abs(d1), std::abs(d2), std::abs(d3)});
+}
+
+inline double angle_between(const Pose& a, const Pose& b) {
+  return icat::rotation_log<double>(a.linear() * b.linear().transpose()).norm();
+}
+
+/// Runs the mission; `progress(t)` is called every cycle.
+inline Result run(const Variant& variant, const std::function<void(double)>& progress = {}) {
+  Side a(-1, variant), b(1, variant);
+  const std::array<Side*, 2> sides{&a, &b};
+
+  //! [agents]
+  std::array<std::unique_ptr<icat::Agent<Robot>>, 2> agents;
+  for (std::size_t i = 0; i < 2; ++i) {
+    agents[i] = std::make_unique<icat::Agent<Robot>>(
+        sides[i]->robot, sides[i]->actions(), sides[i]->shared(),
+        icat::Agent<Robot>::Options{.controller = controller_options(variant),
+                                    .agreement = {.index = i}});
+  }
+  //! [agents]
+  icat::CentralizedController<Robot> central({{a.robot, a.actions()}, {b.robot, b.actions()}},
+                                             controller_options(variant));
+  icat::Transition<double> firmness(1);  // of the centralised variant
+
+  Result result;
+  std::size_t phase = 0;
+  double phase_start = 0;
+  bool grasped = false, event = false;
+  Pose object = pipe_start, tool_b_in_a = Pose::Identity();
+  icat::Status status = icat::Status::ok;
+  const auto check = [&](icat::Status s) {
+    if (status == icat::Status::ok) status = s;
+  };
+  const auto enter = [&](std::size_t next, double t) {
+    phase = next;
+    phase_start = t;
+    for (auto& agent : agents) check(agent->switch_to(phase_names[phase], t, fade));
+    check(central.switch_to(phase_names[phase], t, fade));
+    const double firm = phase >= 2 && phase <= 4 ? 1 : 0;
+    check(firmness.start({&firm, 1}, t, fade));
+  };
+  enter(0, 0);
+
+  std::array<Command, 2> last{Command::Zero(), Command::Zero()};
+  std::array<std::array<Command, 2>, 2> changes;  // the last two Δẏ of either robot
+  for (auto& c : changes) c.fill(Command::Zero());
+  std::vector<double> squared_errors;
+
+  for (int cycle = 0; status == icat::Status::ok; ++cycle) {
+    const double t = cycle * dt;
+    const bool cooperating = phase >= 2 && phase <= 5;
+    std::array<Command, 2> command;
+
+    //! [cycle]
+    for (Side* side : sides) check(side->robot.update(side->plant.q(), side->plant.vehicle()));
+    a.vehicle_distance.set_other(b.robot.vehicle().translation());
+    b.vehicle_distance.set_other(a.robot.vehicle().translation());
+    if (!variant.centralized) {
+      for (std::size_t i = 0; i < 2; ++i) {
+        check(agents[i]->propose(t, sides[i]->plant.vehicle_velocity()));
+      }
+      if (cooperating) {  // 24 bytes each way
+        check(agents[1]->receive(0, agents[0]->send()));
+        check(agents[0]->receive(1, agents[1]->send()));
+      }
+      for (std::size_t i = 0; i < 2; ++i) {
+        check(agents[i]->step(t, sides[i]->plant.vehicle_velocity()));
+        command[i] = agents[i]->velocity();
+      }
+    } else {
+      check(firmness.update(t));
+      check(central.step(t, firmness.values()[0]));
+      for (std::size_t i = 0; i < 2; ++i) command[i] = central.velocity(i);
+    }
+    //! [cycle]
+
+    // Record.
+    Sample s;
+    s.t = t;
+    s.phase = phase;
+    s.grasped = grasped;
+    s.agreed = agents[0]->agreed_velocity();
+    for (std::size_t i = 0; i < 2; ++i) {
+      Side& side = *sides[i];
+      RobotSample& r = s.robots[i];
+      r.command = command[i];
+      r.vehicle_velocity = side.plant.vehicle_velocity();
+      r.vehicle = side.robot.vehicle();
+      r.tool = side.robot.tool();
+      r.gripper = side.gripper_pose();
+      r.q = side.robot.q();
+      Command actual = command[i];
+      if (variant.current) {
+        actual.segment<3>(7) += r.vehicle.linear().transpose() * sinusoidal_current(t);
+      }
+      r.tool_velocity = side.robot.tool_jacobian(icat::Frame::tool) * actual;
+      r.joint_margin = std::min((r.q - side.robot.arm().lower_limits()).minCoeff(),
+                                (side.robot.arm().upper_limits() - r.q).minCoeff());
+      r.manipulability = side.robot.manipulability().value;
+      r.attitude = std::acos(std::clamp(r.vehicle.linear()(2, 2), -1.0, 1.0));
+      const Vector3 view =
+          side.robot.camera().inverse() * (pipe_start * grasp_on_pipe(i ? 1 : -1)).translation();
+      r.centering = std::acos(std::clamp(view.z() / view.norm(), -1.0, 1.0));
+      r.limit_activations.fill(0);
+      r.activations.fill(0);
+      const auto& own = agents[i]->own();
+      std::size_t entry_index = 0;
+      for (const auto& level : own.hierarchy()) {
+        for (const auto& entry : level) {
+          const double phase_activation = own.phase_activations()[entry_index++];
+          const auto& activation = entry.task->activation();
+          if (entry.task == &side.joint_limits) {
+            for (int j = 0; j < 7; ++j) {
+              r.limit_activations[static_cast<std::size_t>(j)] = phase_activation * activation(j);
+            }
+            continue;
+          }
+          const std::array<const icat::Task<Robot>*, 9> tasks{
+              &side.vehicle_distance, &side.manipulability, &side.centering,
+              &side.attitude,         &side.vehicle_pose,   nullptr,
+              &side.still_arm,        &side.still_vehicle,  nullptr};
+          const auto at = std::find(tasks.begin(), tasks.end(), entry.task);
+          // What is none of these is one of the tool's.
+          const auto column = at == tasks.end() ? 5u : static_cast<std::size_t>(at - tasks.begin());
+          r.activations[column] =
+              std::max(r.activations[column], phase_activation * activation.maxCoeff());
+        }
+      }
+      r.activations[8] = agents[i]->agreement_activation();
+      const Pose base = r.vehicle * side.robot.description().arm_mount;
+      for (int j = 0; j < 7; ++j) {
+        r.arm.col(j) = base * Vector3(side.robot.arm_state().points.col(j));
+      }
+      r.arm.col(7) = base * side.robot.arm_state().end_effector.translation();
+      r.arm.col(8) = r.gripper.translation();
+    }
+    if (grasped) {
+      object.translation() = (s.robots[0].tool.translation() + s.robots[1].tool.translation()) / 2;
+      object.linear() = Eigen::Quaterniond(s.robots[0].tool.linear())
+                            .slerp(0.5, Eigen::Quaterniond(s.robots[1].tool.linear()))
+                            .toRotationMatrix();
+    }
+    s.object = object;
+    const Pose& goal = phase <= 2 ? pipe_start : phase == 3 ? pre_deployment : deployment;
+    s.position_error = (goal.translation() - object.translation()).norm();
+    s.orientation_error = angle_between(goal, object);
+    s.distance = (s.robots[0].vehicle.translation() - s.robots[1].vehicle.translation()).norm();
+    s.mismatch = (s.robots[0].tool_velocity - s.robots[1].tool_velocity).norm();
+
+    // Judge.
+    for (std::size_t i = 0; i < 2; ++i) {
+      const RobotSample& r = s.robots[i];
+      const Command change = command[i] - last[i];
+      (event ? result.event_step : result.step) =
+          std::max(event ? result.event_step : result.step, change.norm());
+      if (!event) {
+        for (int j = 0; j < 13; ++j) {
+          result.chatter =
+              std::max(result.chatter, alternation(changes[i][0](j), changes[i][1](j), change(j)));
+        }
+      }
+      changes[i] = {changes[i][1], event ? Command::Zero().eval() : change};
+      last[i] = command[i];
+      result.joint_margin = std::min(result.joint_margin, r.joint_margin);
+      result.manipulability = std::min(result.manipulability, r.manipulability);
+      result.attitude = std::max(result.attitude, r.attitude);
+      if (grasped) {
+        squared_errors.push_back((r.tool_velocity - s.agreed).squaredNorm());
+      }
+    }
+    event = false;
+    result.distance = std::min(result.distance, s.distance);
+    if (grasped) {
+      result.mismatch = std::max(result.mismatch, s.mismatch);
+      const Pose relative = s.robots[0].tool.inverse() * s.robots[1].tool;
+      result.drift =
+          std::max(result.drift, (relative.translation() - tool_b_in_a.translation()).norm());
+      result.drift_angle = std::max(result.drift_angle, angle_between(relative, tool_b_in_a));
+    }
+    result.samples.push_back(s);
+    if (progress) progress(t);
+    for (std::size_t i = 0; i < 2; ++i) {
+      sides[i]->plant.step(command[i].head<7>(), command[i].tail<6>(), t, dt);
+    }
+
+    // The supervisor: a phase ends when both robots are there, or after a while.
+    const double next = (cycle + 1) * dt;
+    const double in_phase = next - phase_start;
+    const bool faded = in_phase > fade;
+    const double steady = variant.current ? (variant.compensation ? 6 : 100) : 1;
+    const double position_tolerance = 5e-4 * steady, orientation_tolerance = 5e-4 * steady;
+    const auto all = [&](auto condition) { return condition(0) && condition(1); };
+    const auto at = [&](const Pose& p, const Pose& q) {
+      return (p.translation() - q.translation()).norm() < position_tolerance &&
+             angle_between(p, q) < orientation_tolerance;
+    };
+    bool done = false;
+    switch (phase) {
+      case 0:
+        done = all([&](std::size_t i) {
+          const Pose h = hover(i ? 1 : -1);
+          return (h.translation() - s.robots[i].vehicle.translation()).norm() < hover_position &&
+                 angle_between(h, s.robots[i].vehicle) < hover_orientation;
+        });
+        break;
+      case 1:
+        done = all([&](std::size_t i) {
+          return at(s.robots[i].gripper, pipe_start * grasp_on_pipe(i ? 1 : -1));
+        });
+        break;
+      case 3:
+      case 4:
+        done = at(object, goal);
+        break;
+      case 6:
+        done =
+            all([&](std::size_t i) { return at(s.robots[i].gripper, sides[i]->tool_away.goal()); });
+        break;
+      default:
+        done = in_phase >= settle;
+        break;
+    }
+    const double limit = 1.2 * (paper_ends[phase] - (phase ? paper_ends[phase - 1] : 0)) + 3;
+    const bool late = in_phase > limit;
+    if (!((done && faded) || late)) continue;
+    result.finished = (phase == 0 || result.finished) && !late;
+    result.ends.push_back(next);
+    if (phase == 3) {
+      result.pre_deployment_position = s.position_error;
+      result.pre_deployment_orientation = s.orientation_error;
+    } else if (phase == 4) {
+      result.deployment_position = s.position_error;
+      result.deployment_orientation = s.orientation_error;
+    }
+    if (phase == 6) break;
+    enter(phase + 1, next);
+    // The tool frames change at the grasp and after the release; the grasp is firm from the moment
+    // at which both robots command the same tool velocity.
+    for (Side* side : sides) check(side->robot.update(side->plant.q(), side->plant.vehicle()));
+    if (phase == 2) {
+      for (Side* side : sides) check(side->take(object));
+    } else if (phase == 3) {
+      grasped = true;
+      tool_b_in_a = a.robot.tool().inverse() * b.robot.tool();
+    } else if (phase == 5) {
+      grasped = false;
+    } else if (phase == 6) {
+      for (Side* side : sides) check(side->leave());
+    }
+    event = phase == 2 || phase == 3 || phase == 5 || phase == 6;
+  }
+  double sum = 0;
+  for (const double e : squared_errors) sum += e;
+  result.object_speed_error =
+      squared_errors.empty() ? 0 : std::sqrt(sum / static_cast<double>(squared_errors.size()));
+  result.bits_per_second =
+      (variant.centralized ? 32.0 * static_cast<double>(central.exchanged_numbers()) : 192.0) / dt;
+  result.status = status;
+  return result;
+}
+
+}  // namespace cooperation

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// The centralised baseline of [Coop, IV]: one solver for all robots that hold the object.
+///
+///     ẏ = [ẏ_1; …; ẏ_N],   G = [J_1 −J_2 ; J_2 −J_3 ; …],   G ẏ = 0     [Coop, Eq. (27)]
+///     Q₀ = I − a Gᵀ (G Gᵀ)⁻¹ G
+///
+/// `a` = 1 starts the iteration from the projector onto ker(G); between 0 and 1 the grasp's
+/// constraint fades. The robots' hierarchies are merged level by level. It needs all states in one
+/// place, which no acoustic modem can provide; it is here to be compared with.
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <memory>
+#include <vector>
+
+#include "icat/control/controller.hpp"
+
+namespace icat {
+
+/// See the file comment. After construction nothing allocates or throws.
+template <VehicleManipulator R, class Regularization = BellRegularization<typename R::Scalar>>
+class CentralizedController {
+ public:
+  /// Scalar type.
+  using Scalar = typename R::Scalar;
+  /// One robot and its actions; refers to a robot and tasks of the caller's.
+  struct Member {
+    std::reference_wrapper<const R> robot;  ///< its tool frame is the object's
+    std::vector<Action<R>> actions;         ///< the same names for all robots
+  };
+  /// Settings, with defaults; velocity bounds are those of one robot.
+  using Options = typename Controller<R, Regularization>::Options;
+
+  /// At least two robots with hierarchies of equally many levels. All are fully actuated.
+  /// @throws std::invalid_argument on bad actions or options. Allocates.
+  CentralizedController(const std::vector<Member>& members, const Options& options)
+      : tpik_(total_dof(members), stacked(options, members)) {
+    if (members.size() < 2) detail::invalid("CentralizedController: needs at least two robots");
+    for (const auto& m : members) {
+      robots_.push_back(&m.robot.get());
+      parts_.push_back(
+          std::make_unique<Controller<R, Regularization>>(m.robot.get(), m.actions, options));
+      if (parts_.back()->levels().size() != parts_.front()->levels().size()) {
+        detail::invalid("CentralizedController: hierarchies of ", parts_.front()->levels().size(),
+                        " and ", parts_.back()->levels().size(), " levels");
+      }
+    }
+    const Index n = tpik_.dof();
+    for (std::size_t k = 0; k < parts_.front()->levels().size(); ++k) {
+      Index rows = 0;
+      for (const auto& part : parts_) rows += part->levels()[k].jacobian.rows();
+      levels_.push_back({Matrix::Zero(rows, n), Rows::Zero(rows), Rows::Zero(rows)});
+    }
+    const Index constraints = 6 * static_cast<Index>(members.size() - 1);
+    G_ = Matrix::Zero(constraints, n);
+    GGt_ = Matrix::Zero(constraints, constraints);
+    solved_ = G_;
+    Q0_ = Matrix::Zero(n, n);
+    rho0_ = Rows::Zero(n);
+    cholesky_ = Eigen::LDLT<Matrix>(constraints);
+  }
+
+  /// As `Controller::start`, for all.
+  Status start(std::string_view action, Scalar time) noexcept {
+    return all([&](auto& part) { return part.start(action, time); });
+  }
+  /// As `Controller::switch_to`, for all.
+  Status switch_to(std::string_view action, Scalar time, Scalar duration) noexcept {
+    return all([&](auto& part) { return part.switch_to(action, time, duration); });
+  }
+
+  /// One control cycle. `firmness` a in [0, 1]: 1 while the object is held, 0 without it.
+  Status step(Scalar time, Scalar firmness) noexcept {
+    if (!(firmness >= Scalar(0) && firmness <= Scalar(1))) return Status::activation_out_of_range;
+    Status status = all([&](auto& part) { return part.update(time); });
+    if (status != Status::ok) return status;
+    form_start(firmness);
+    status = tpik_.reset(rho0_, Q0_);
+    for (std::size_t k = 0; k < levels_.size() && status == Status::ok; ++k) {
+      Level& level = levels_[k];
+      Index row = 0, column = 0;
+      for (std::size_t i = 0; i < parts_.size(); ++i) {
+        const auto& own = parts_[i]->levels()[k];
+        const Index rows = own.jacobian.rows();
+        level.jacobian.block(row, column, rows, own.jacobian.cols()) = own.jacobian;
+        level.activation.segment(row, rows) = own.activation;
+        level.reference.segment(row, rows) = own.reference;
+        row += rows;
+        column += own.jacobian.cols();
+      }
+      status = tpik_.add_level(level.jacobian, level.activation, level.reference);
+    }
+    const Status closing = tpik_.minimize_velocity();
+    return status == Status::ok ? closing : status;
+  }
+
+  /// ẏ of robot `index` [q̇; v̄].
+  auto velocity(std::size_t index) const noexcept {
+    Index begin = 0;
+    for (std::size_t i = 0; i < index; ++i) begin += robots_[i]->dof();
+    return tpik_.velocity().segment(begin, robots_[index]->dof());
+  }
+  /// Numbers that the others must send in each cycle for one of them to solve for all: Jacobian,
+  /// reference and activation of each row, and the tool's Jacobian.
+  std::size_t exchanged_numbers() const noexcept {
+    std::size_t numbers = 0;
+    for (std::size_t i = 1; i < parts_.size(); ++i) {
+      const auto n = static_cast<std::size_t>(robots_[i]->dof());
+      numbers += 6 * n;
+      for (const auto& level : parts_[i]->levels()) {
+        numbers += static_cast<std::size_t>(level.jacobian.rows()) * (n + 2);
+      }
+    }
+    return numbers;
+  }
+  /// Report of the solver; levels are those of the robots' hierarchies.
+  const TpikReport<Scalar>& report() const noexcept { return tpik_.report(); }
+
+ private:
+  using Matrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
+  using Rows = Vector<Scalar, Eigen::Dynamic>;
+  using Solver = Tpik<Scalar, Eigen::Dynamic, Regularization>;
+  struct Level {
+    Matrix jacobian;
+    Rows activation, reference;
+  };
+
+  static Index total_dof(const std::vector<Member>& members) {
+    Index n = 0;
+    for (const auto& m : members) n += m.robot.get().dof();
+    return n;
+  }
+  static typename Solver::Options stacked(const Options& options,
+                                          const std::vector<Member>& members) {
+    typename Solver::Options o;
+    o.regularization = options.solver.regularization;
+    o.projection_weight = options.solver.projection_weight;
+    if (options.solver.bounds) {
+      const auto& one = *options.solver.bounds;
+      const auto copies = static_cast<Index>(members.size());
+      o.bounds = VelocityBounds<Scalar>{one.lower.replicate(copies, 1).eval(),
+                                        one.upper.replicate(copies, 1).eval()};
+    }
+    return o;
+  }
+  template <class F>
+  Status all(F f) noexcept {
+    Status first = Status::ok;
+    for (auto& part : parts_) {
+      const Status status = f(*part);
+      if (first == Status::ok) first = status;
+    }
+    return first;
+  }
+
+  /// Q₀, see the file comment.
+  void form_start(Scalar firmness) noexcept {
+    Index column = 0;
+    for (std::size_t i = 0; i < robots_.size(); ++i) {
+      const auto& J = robots_[i]->tool_jacobian(Frame::tool);
+      const Index row = 6 * static_cast<Index>(i);
+      if (i + 1 < robots_.size()) G_.block(row, column, 6, J.cols()) = J;
+      if (i > 0) G_.block(row - 6, column, 6, J.cols()) = -J;
+      column += J.cols();
+    }
+    Q0_.setIdentity();
+    if (!(firmness > Scalar(0))) return;
+    GGt_.noalias() = G_.lazyProduct(G_.transpose());
+    cholesky_.compute(GGt_);
+    solved_ = G_;
+    cholesky_.solveInPlace(solved_);
+    Q0_.noalias() -= firmness * G_.transpose().lazyProduct(solved_);
+  }
+
+  std::vector<const R*> robots_;
+  std::vector<std::unique_ptr<Controller<R, Regularization>>> parts_;
+  Solver tpik_;
+  std::vector<Level> levels_;
+  Matrix G_, GGt_, solved_, Q0_;
+  Rows rho0_;
+  Eigen::LDLT<Matrix> cholesky_;
+};
+
+}  // namespace icat
