@@ -54,7 +54,7 @@ inline Pose grasp_on_pipe(double side) {
 }
 /// Where the vehicle hovers before it grasps: above the pipe and behind it, facing it.
 inline Pose hover(double side) {
-  return pipe_start * pose({side * grasp_distance, -0.7, -1.35}, 0, 0, quarter);
+  return pipe_start * pose({side * grasp_distance, -0.33, -1.52}, 0, 0, quarter);
 }
 inline Pose start(double side) {
   return side < 0 ? pose({-0.6, -1.7, 0.9}, 0.12, -0.1, 0.9)
@@ -70,12 +70,13 @@ inline Vector3 sinusoidal_current(double t) {
 inline constexpr double dt = 0.01;   ///< s
 inline constexpr double fade = 2.0;  ///< s, of all transitions, "a couple of seconds"
 inline constexpr double minimum_distance = 2.0, distance_margin = 0.5;  // m
-inline constexpr double minimum_manipulability = 0.07, manipulability_margin = 0.04;
+inline constexpr double minimum_manipulability = 0.05, manipulability_margin = 0.04;
 inline constexpr double maximum_attitude = 0.2, attitude_margin = 0.1;     // rad
-inline constexpr double maximum_centering = 0.25, centering_margin = 0.1;  // rad
+inline constexpr double maximum_centering = 0.2, centering_margin = 0.15;  // rad
 inline constexpr double hover_position = 0.15, hover_orientation = 0.1;    // m, rad
-inline constexpr double limit_margin = 0.3;                                // rad
-inline constexpr double tool_gain = 1.6, tool_linear = 0.3, tool_angular = 0.12;
+inline constexpr double limit_margin = 0.2;                                // rad
+inline constexpr double tool_gain = 1.4, tool_angular = 0.12;
+inline constexpr double carry_speed = 0.254, work_speed = 0.18;  ///< m/s, of the tool
 inline constexpr double vehicle_gain = 0.8, vehicle_linear = 0.5, vehicle_angular = 0.35;
 inline constexpr double joint_speed = 1.0, vehicle_speed = 0.8, vehicle_turn = 0.6;
 inline constexpr double settle = 2.5;  ///< s, the phases around the firm grasp, as in the paper
@@ -126,10 +127,10 @@ class Side {
              .gain = vehicle_gain,
              .max_linear_rate = vehicle_linear,
              .max_angular_rate = vehicle_angular}),
-        tool_grasp(robot, to("tool to grasp", pipe_start * grasp_on_pipe(side))),
-        tool_transport(robot, to("tool to pre-deployment", pre_deployment)),
-        tool_deploy(robot, to("tool to deployment", deployment)),
-        tool_away(robot, to("tool to step back", away_goal(side))),
+        tool_grasp(robot, to("tool to grasp", pipe_start * grasp_on_pipe(side), work_speed)),
+        tool_transport(robot, to("tool to pre-deployment", pre_deployment, carry_speed)),
+        tool_deploy(robot, to("tool to deployment", deployment, work_speed)),
+        tool_away(robot, to("tool to step back", away_goal(side), work_speed)),
         still_arm(robot),
         still_vehicle(robot) {}
 
@@ -172,11 +173,11 @@ class Side {
     goal.translation().z() -= step_back;
     return goal;
   }
-  static icat::task::PoseTaskOptions<double> to(const char* name, const Pose& goal) {
+  static icat::task::PoseTaskOptions<double> to(const char* name, const Pose& goal, double speed) {
     return {.name = name,
             .goal = goal,
             .gain = tool_gain,
-            .max_linear_rate = tool_linear,
+            .max_linear_rate = speed,
             .max_angular_rate = tool_angular};
   }
   static icat::KinematicPlant<double, 7>::Options plant_options(double side,
@@ -235,6 +236,9 @@ struct Sample {
   Vector6 agreed;                            ///< ẋ̂_t
 };
 
+/// The tool frame changes at once; with the vehicle's velocity in the loop that takes some cycles.
+inline constexpr int event_cycles = 5;
+
 inline const std::array<const char*, 7> phase_names{"navigate", "grasp", "join",     "transport",
                                                     "deploy",   "part",  "step back"};
 /// [Coop, V-A]
@@ -285,9 +289,11 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
   icat::Transition<double> firmness(1);  // of the centralised variant
 
   Result result;
+  result.samples.reserve(7000);
   std::size_t phase = 0;
   double phase_start = 0;
-  bool grasped = false, event = false;
+  bool grasped = false;
+  int event = 0;  // cycles left of the grasp or the release
   Pose object = pipe_start, tool_b_in_a = Pose::Identity();
   icat::Status status = icat::Status::ok;
   const auto check = [&](icat::Status s) {
@@ -384,8 +390,8 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
           const auto at = std::find(tasks.begin(), tasks.end(), entry.task);
           // What is none of these is one of the tool's.
           const auto column = at == tasks.end() ? 5u : static_cast<std::size_t>(at - tasks.begin());
-          r.activations[column] =
-              std::max(r.activations[column], phase_activation * activation.maxCoeff());
+          // Two tool tasks that fade into each other add up.
+          r.activations[column] += phase_activation * activation.maxCoeff();
         }
       }
       r.activations[8] = agents[i]->agreement_activation();
@@ -413,15 +419,15 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
     for (std::size_t i = 0; i < 2; ++i) {
       const RobotSample& r = s.robots[i];
       const Command change = command[i] - last[i];
-      (event ? result.event_step : result.step) =
-          std::max(event ? result.event_step : result.step, change.norm());
-      if (!event) {
+      double& largest = event > 0 ? result.event_step : result.step;
+      largest = std::max(largest, change.norm());
+      if (event == 0) {
         for (int j = 0; j < 13; ++j) {
           result.chatter =
               std::max(result.chatter, alternation(changes[i][0](j), changes[i][1](j), change(j)));
         }
       }
-      changes[i] = {changes[i][1], event ? Command::Zero().eval() : change};
+      changes[i] = {changes[i][1], event > 0 ? Command::Zero().eval() : change};
       last[i] = command[i];
       result.joint_margin = std::min(result.joint_margin, r.joint_margin);
       result.manipulability = std::min(result.manipulability, r.manipulability);
@@ -430,7 +436,7 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
         squared_errors.push_back((r.tool_velocity - s.agreed).squaredNorm());
       }
     }
-    event = false;
+    if (event > 0) --event;
     result.distance = std::min(result.distance, s.distance);
     if (grasped) {
       result.mismatch = std::max(result.mismatch, s.mismatch);
@@ -482,7 +488,7 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
         done = in_phase >= settle;
         break;
     }
-    const double limit = 1.2 * (paper_ends[phase] - (phase ? paper_ends[phase - 1] : 0)) + 3;
+    const double limit = 2 * (paper_ends[phase] - (phase > 0 ? paper_ends[phase - 1] : 0)) + 3;
     const bool late = in_phase > limit;
     if (!((done && faded) || late)) continue;
     result.finished = (phase == 0 || result.finished) && !late;
@@ -499,9 +505,10 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
     // The tool frames change at the grasp and after the release; the grasp is firm from the moment
     // at which both robots command the same tool velocity.
     for (Side* side : sides) check(side->robot.update(side->plant.q(), side->plant.vehicle()));
-    if (phase == 2) {
+    if (phase == 2 || phase == 3) {
       for (Side* side : sides) check(side->take(object));
-    } else if (phase == 3) {
+    }
+    if (phase == 3) {
       grasped = true;
       tool_b_in_a = a.robot.tool().inverse() * b.robot.tool();
     } else if (phase == 5) {
@@ -509,7 +516,7 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
     } else if (phase == 6) {
       for (Side* side : sides) check(side->leave());
     }
-    event = phase == 2 || phase == 3 || phase == 5 || phase == 6;
+    if (phase == 2 || phase == 3 || phase == 5 || phase == 6) event = event_cycles;
   }
   double sum = 0;
   for (const double e : squared_errors) sum += e;

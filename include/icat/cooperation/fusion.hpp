@@ -60,13 +60,13 @@ FusionPolicy<Scalar> mean() {
 /// @throws std::invalid_argument unless the weights are ≥ 0 and their sum is 1, to rounding.
 template <class Scalar>
 FusionPolicy<Scalar> convex_combination(std::vector<Scalar> weights) {
-  Scalar sum(0);
+  Scalar total(0);
   for (const Scalar w : weights) {
     if (!(w >= Scalar(0))) detail::invalid("convex_combination: a weight is ", w);
-    sum += w;
+    total += w;
   }
-  if (!(std::abs(sum - Scalar(1)) <= Scalar(1e-5))) {
-    detail::invalid("convex_combination: the weights must add up to 1, not ", sum);
+  if (!(std::abs(total - Scalar(1)) <= Scalar(1e-5))) {
+    detail::invalid("convex_combination: the weights must add up to 1, not ", total);
   }
   return [weights = std::move(weights)](const Proposals<Scalar>& p) {
     Vector6<Scalar> sum = Vector6<Scalar>::Zero();

@@ -97,9 +97,14 @@ class Uvms {
   Pose<Scalar> camera() const noexcept { return vehicle_ * description_.camera; }
   /// The arm, components on ⟨b⟩.
   const typename Arm::State& arm_state() const noexcept { return arm_state_; }
-  /// μ and ∂μ/∂q at the present state.
-  Manipulability<Scalar, ArmDof> manipulability() const noexcept {
-    return description_.arm.manipulability(arm_state_);
+  /// μ and ∂μ/∂q at the present state. Computed when first asked for, kept until the next `update`;
+  /// so not for two threads at once.
+  const Manipulability<Scalar, ArmDof>& manipulability() const noexcept {
+    if (!manipulability_known_) {
+      manipulability_ = description_.arm.manipulability(arm_state_);
+      manipulability_known_ = true;
+    }
+    return manipulability_;
   }
 
   /// 6 × size, rows linear then angular, velocity of ⟨t⟩ with respect to ⟨0⟩ at the tool's origin.
@@ -119,6 +124,7 @@ class Uvms {
   void compute(const VectorQ& q, const Pose<Scalar>& vehicle) noexcept {
     q_ = q;
     vehicle_ = vehicle;
+    manipulability_known_ = false;
     arm_state_ = description_.arm.state(q);
     const Pose<Scalar> v_e = description_.arm_mount * arm_state_.end_effector;
     const Pose<Scalar> v_t = v_e * description_.tool;
@@ -151,6 +157,8 @@ class Uvms {
   Pose<Scalar> vehicle_, tool_;
   typename Arm::State arm_state_;
   ToolJacobian jacobian_world_, jacobian_vehicle_, jacobian_tool_;
+  mutable Manipulability<Scalar, ArmDof> manipulability_;
+  mutable bool manipulability_known_{false};
 };
 
 }  // namespace icat

@@ -82,7 +82,7 @@ class Manipulability : public Task<R> {
 
  private:
   void compute(const R& robot) noexcept override {
-    const auto mu = robot.manipulability();
+    const auto& mu = robot.manipulability();
     this->jacobian_.row(0).head(robot.arm_dof()) = mu.gradient;
     this->set_scalar(0, mu.value, objective_, options_.gain, options_.max_rate);
   }

@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Runs the cooperative mission in still water, in a current, and with one solver for both robots;
+// prints its figures beside the paper's, writes CSV and, where gnuplot is found, pictures.
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <map>
+
+#include "mission.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+constexpr double degree = std::numbers::pi / 180;
+
+struct NamedVariant {
+  const char* name;
+  const char* title;
+  cooperation::Variant variant;
+};
+const std::vector<NamedVariant> variants{
+    {"plain", "still water", {}},
+    {"current", "sinusoidal current, no compensation", {.current = true}},
+    {"compensated",
+     "sinusoidal current, the arms compensate",
+     {.current = true, .compensation = true}},
+    {"centralized", "still water, one solver for both", {.centralized = true}}};
+
+/// One line on a terminal, nothing elsewhere.
+class ProgressBar {
+ public:
+  explicit ProgressBar(std::string title) : title_(std::move(title)) {}
+  ~ProgressBar() {
+    if (shown_ >= 0) std::fprintf(stderr, "\r%60s\r", "");
+  }
+  void operator()(double t) {
+    const int share = std::min(static_cast<int>(30 * t / 60), 30);
+    if (share == shown_ || isatty(STDERR_FILENO) == 0) return;
+    shown_ = share;
+    std::fprintf(stderr, "\r%-12s [%.*s%*s] %3.0f s", title_.c_str(), share,
+                 "##############################", 30 - share, "", t);
+    std::fflush(stderr);
+  }
+
+ private:
+  std::string title_;
+  int shown_ = -1;
+};
+
+void write_csv(const fs::path& file, const cooperation::Result& r) {
+  std::ofstream out(file);
+  out.precision(9);
+  out << "t,phase,grasped";
+  for (const char* robot : {"a", "b"}) {
+    const std::string _ = std::string("_") + robot;
+    for (int i = 1; i <= 7; ++i) out << ",q" << i << _;
+    for (int i = 1; i <= 7; ++i) out << ",qdot" << i << _;
+    for (const char* c : {"surge", "sway", "heave", "roll_rate", "pitch_rate", "yaw_rate"}) {
+      out << ',' << c << _ << ",actual_" << c << _;
+    }
+    for (const char* c : {"vehicle_x", "vehicle_y", "vehicle_z", "tool_x", "tool_y", "tool_z",
+                          "joint_margin", "manipulability", "attitude", "centering"}) {
+      out << ',' << c << _;
+    }
+    for (int i = 1; i <= 7; ++i) out << ",a_limit" << i << _;
+    for (const char* task : cooperation::task_names) out << ",a_" << task << _;
+  }
+  out << ",object_x,object_y,object_z,position_error,orientation_error,distance,mismatch";
+  for (const char* c : {"x", "y", "z", "wx", "wy", "wz"}) out << ",agreed_" << c;
+  out << '\n';
+  for (const auto& s : r.samples) {
+    out << s.t << ',' << s.phase << ',' << s.grasped;
+    for (const auto& x : s.robots) {
+      for (int i = 0; i < 7; ++i) out << ',' << x.q(i);
+      for (int i = 0; i < 7; ++i) out << ',' << x.command(i);
+      for (int i = 0; i < 6; ++i) out << ',' << x.command(7 + i) << ',' << x.vehicle_velocity(i);
+      for (int i = 0; i < 3; ++i) out << ',' << x.vehicle.translation()(i);
+      for (int i = 0; i < 3; ++i) out << ',' << x.tool.translation()(i);
+      out << ',' << x.joint_margin << ',' << x.manipulability << ',' << x.attitude << ','
+          << x.centering;
+      for (const double a : x.limit_activations) out << ',' << a;
+      for (const double a : x.activations) out << ',' << a;
+    }
+    for (int i = 0; i < 3; ++i) out << ',' << s.object.translation()(i);
+    out << ',' << s.position_error << ',' << s.orientation_error << ',' << s.distance << ','
+        << s.mismatch;
+    for (int i = 0; i < 6; ++i) out << ',' << s.agreed(i);
+    out << '\n';
+  }
+}
+
+// The moments of Fig. 4: start, grasp, transport, pre-deployment, deployment, end.
+std::vector<double> snapshot_times(const cooperation::Result& r) {
+  return {0, r.ends[1], (r.ends[2] + r.ends[3]) / 2, r.ends[3], r.ends[4], r.samples.back().t};
+}
+
+// One block of points for each stroke: hull and arm of either robot, the pipe.
+void write_scene(const fs::path& file, const cooperation::Result& r) {
+  std::ofstream out(file);
+  const auto point = [&](const cooperation::Vector3& p) {
+    out << p.x() << ',' << p.y() << ',' << p.z() << '\n';
+  };
+  const double x = 0.5, y = 0.3, top = -0.3, bottom = 0.43;
+  const std::vector<cooperation::Vector3> hull{
+      {x, y, top},     {-x, y, top},     {-x, -y, top},   {x, -y, top},
+      {x, y, top},     {x, y, bottom},   {-x, y, bottom}, {-x, y, top},
+      {-x, y, bottom}, {-x, -y, bottom}, {-x, -y, top},   {-x, -y, bottom},
+      {x, -y, bottom}, {x, -y, top},     {x, -y, bottom}, {x, y, bottom}};
+  for (const double t : snapshot_times(r)) {
+    const auto s = std::find_if(r.samples.begin(), r.samples.end(),
+                                [&](const auto& sample) { return sample.t >= t - 1e-9; });
+    for (const auto& robot : s->robots) {
+      for (const auto& p : hull) point(robot.vehicle * p);
+      out << "\n\n";
+      for (int j = 0; j < robot.arm.cols(); ++j) point(robot.arm.col(j));
+      out << "\n\n";
+    }
+    for (const double end : {-1.7, 1.7}) point(s->object * cooperation::Vector3(end, 0, 0));
+    out << "\n\n";
+  }
+}
+
+bool draw(const fs::path& folder, const char* title, const cooperation::Result& r) {
+  const std::unique_ptr<FILE, int (*)(FILE*)> gnuplot(popen("gnuplot 2>/dev/null", "w"), pclose);
+  if (!gnuplot) return false;
+  const auto quoted = [](std::string text) {
+    for (std::size_t i = 0; (i = text.find('\'', i)) != std::string::npos; i += 2) {
+      text.insert(i, 1, '\'');
+    }
+    return "'" + text + "'";
+  };
+  std::string script =
+      "folder = " + quoted(folder.string()) + "\nmission = " + quoted(title) + "\ntasks = '";
+  for (const char* task : cooperation::task_names) script += std::string(task) + ' ';
+  script += "'\nends = '";
+  for (const double end : r.ends) script += std::to_string(end) + ' ';
+  script += "'\nsnapshots = '";
+  for (const double t : snapshot_times(r)) script += std::to_string(t) + ' ';
+  script += "'\nload " + quoted(ICAT_PLOT_SCRIPT) + "\n";
+  return std::fputs(script.c_str(), gnuplot.get()) >= 0;
+}
+
+void print_phases(const std::map<std::string, cooperation::Result>& results) {
+  std::printf("\n| phase ends at (s) | paper |");
+  for (const auto& v : variants) {
+    if (results.contains(v.name)) std::printf(" %s |", v.name);
+  }
+  std::printf("\n|---|---|");
+  for (std::size_t i = 0; i < results.size(); ++i) std::printf("---|");
+  std::printf("\n");
+  for (std::size_t k = 0; k < 7; ++k) {
+    std::printf("| %s | %.2f |", cooperation::phase_names[k], cooperation::paper_ends[k]);
+    for (const auto& v : variants) {
+      const auto r = results.find(v.name);
+      if (r == results.end()) continue;
+      if (k < r->second.ends.size()) {
+        std::printf(" %.2f |", r->second.ends[k]);
+      } else {
+        std::printf(" - |");
+      }
+    }
+    std::printf("\n");
+  }
+}
+
+void print_figures(const NamedVariant& v, const cooperation::Result& r, double seconds) {
+  std::printf("\n%s: %s\n\n| | |\n|---|---|\n", v.name, v.title);
+  std::printf("| object at pre-deployment | %.3f mm, %.4f deg |\n", r.pre_deployment_position * 1e3,
+              r.pre_deployment_orientation / degree);
+  std::printf("| object at deployment | %.3f mm, %.4f deg |\n", r.deployment_position * 1e3,
+              r.deployment_orientation / degree);
+  std::printf("| tools' mismatch while grasped, at most | %.1e |\n", r.mismatch);
+  std::printf("| drift of the relative tool pose, at most | %.3f mm, %.4f deg |\n", r.drift * 1e3,
+              r.drift_angle / degree);
+  if (!v.variant.centralized) {
+    std::printf("| object velocity off the agreed one, RMS | %.1e |\n", r.object_speed_error);
+  }
+  std::printf("| joint limit margin, at least | %.3f rad |\n", r.joint_margin);
+  std::printf("| vehicle distance, at least (limit %.1f) | %.3f m |\n",
+              cooperation::minimum_distance, r.distance);
+  std::printf("| manipulability, at least (limit %.3f) | %.4f |\n",
+              cooperation::minimum_manipulability, r.manipulability);
+  std::printf("| attitude, at most (limit %.2f) | %.3f rad |\n", cooperation::maximum_attitude,
+              r.attitude);
+  std::printf("| change of the command in a cycle, at most | %.4f |\n", r.step);
+  std::printf("| the same at grasp and release | %.4f |\n", r.event_step);
+  std::printf("| largest change of alternating sign over three cycles | %.1e |\n", r.chatter);
+  std::printf("| faster than real time on one core | %.0f x |\n", r.samples.back().t / seconds);
+  if (r.status != icat::Status::ok) std::printf("\nSTOPPED: %s\n", icat::describe(r.status));
+}
+
+void print_comparison(const cooperation::Result& own, const cooperation::Result& central) {
+  std::printf("\n| | decentralised | centralised |\n|---|---|---|\n");
+  std::printf("| object at deployment | %.3f mm, %.4f deg | %.3f mm, %.4f deg |\n",
+              own.deployment_position * 1e3, own.deployment_orientation / degree,
+              central.deployment_position * 1e3, central.deployment_orientation / degree);
+  std::printf("| joint limit margin, at least | %.3f rad | %.3f rad |\n", own.joint_margin,
+              central.joint_margin);
+  std::printf("| transport takes | %.2f s | %.2f s |\n", own.ends[3] - own.ends[2],
+              central.ends[3] - central.ends[2]);
+  std::printf("| bits each robot sends per second | %.0f | %.0f |\n", own.bits_per_second,
+              central.bits_per_second);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"Two vehicles grasp a pipe, carry it to another place and set it down."};
+  std::string output = "out/02_cooperative_mission", only;
+  bool no_pictures = false;
+  app.add_option("--output", output, "folder of the CSV files and pictures")->capture_default_str();
+  std::vector<std::string> names;
+  for (const auto& v : variants) names.emplace_back(v.name);
+  app.add_option("--variant", only, "run this one alone")->check(CLI::IsMember(names));
+  app.add_flag("--no-pictures", no_pictures, "do not call gnuplot");
+  CLI11_PARSE(app, argc, argv);
+
+  std::map<std::string, cooperation::Result> results;
+  bool all_well = true, drawn = !no_pictures;
+  for (const auto& v : variants) {
+    if (!only.empty() && only != v.name) continue;
+    const std::clock_t begin = std::clock();
+    double seconds = 0;
+    {
+      ProgressBar bar(v.name);
+      results[v.name] = cooperation::run(v.variant, [&](double t) { bar(t); });
+      seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+    }
+    const auto& r = results[v.name];
+    print_figures(v, r, seconds);
+    all_well = all_well && r.status == icat::Status::ok && r.ends.size() == 7 &&
+               (r.finished || v.variant.current);
+    if (r.ends.size() < 7) continue;
+    const fs::path folder = fs::path(output) / v.name;
+    fs::create_directories(folder);
+    write_csv(folder / "mission.csv", r);
+    write_scene(folder / "scene.csv", r);
+    if (drawn) drawn = draw(folder, v.title, r);
+  }
+  print_phases(results);
+  if (only.empty() && all_well) {
+    print_comparison(results["plain"], results["centralized"]);
+    std::printf(
+        "\nIn the current, the compensation makes the error of the object's velocity "
+        "%.0f times smaller.\n",
+        results["current"].object_speed_error / results["compensated"].object_speed_error);
+  }
+  std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", output.c_str());
+  return all_well ? 0 : 1;
+}
