@@ -76,7 +76,7 @@ inline constexpr double maximum_centering = 0.2, centering_margin = 0.15;  // ra
 inline constexpr double hover_position = 0.15, hover_orientation = 0.1;    // m, rad
 inline constexpr double limit_margin = 0.2;                                // rad
 inline constexpr double tool_gain = 1.4, tool_angular = 0.12;
-inline constexpr double carry_speed = 0.254, work_speed = 0.18;  ///< m/s, of the tool
+inline constexpr double carry_speed = 0.254, work_speed = 0.15;  ///< m/s, of the tool
 inline constexpr double vehicle_gain = 0.8, vehicle_linear = 0.5, vehicle_angular = 0.35;
 inline constexpr double joint_speed = 1.0, vehicle_speed = 0.8, vehicle_turn = 0.6;
 inline constexpr double settle = 2.5;  ///< s, the phases around the firm grasp, as in the paper
@@ -94,7 +94,7 @@ inline Robot make_robot() {
   gripper.translation().z() = 0.1;
   return Robot({.arm = icat::maris_arm<double>(),
                 .arm_mount = icat::maris_arm_mount<double>(),
-                .camera = pose({0.45, 0, 0.35}, 0, 0, 0),  // looks down
+                .camera = pose({0.45, 0, 0.35}, 0, 0.15, 0),  // looks down and ahead
                 .tool = gripper});
 }
 

@@ -6,10 +6,8 @@ set terminal pngcairo size 1400,1300 font 'sans,11' background 'white'
 set grid lc rgb '#dddddd'
 set linetype 9 lw 2 lc rgb '#999999' dt 2
 last = real(word(ends, words(ends)))
-do for [i=1:words(ends)-1] {
-  x = real(word(ends, i))
-  set arrow i from x, graph 0 to x, graph 1 nohead dt 2 lc rgb '#666666'
-}
+borders = "do for [i=1:words(ends)-1] { x = real(word(ends, i)); set arrow i from x, graph 0 to x, graph 1 nohead dt 2 lc rgb '#666666' }"
+eval borders
 axes = 'surge sway heave roll_rate pitch_rate yaw_rate'
 
 # Counterpart of Fig. 5 and 7.
@@ -26,6 +24,10 @@ do for [robot in 'a b'] {
   plot for [c in axes] csv using 't':'actual_'.c.'_'.robot with lines lw 2 title c noenhanced
 }
 set xrange [38:41]
+do for [i=1:words(ends)-1] {
+  x = real(word(ends, i))
+  if (x < 38 || x > 41) { unset arrow i }
+}
 set xlabel 't (s)'
 set title 'zoom of arm b'
 set ylabel 'rad/s'
@@ -35,6 +37,7 @@ set ylabel 'm/s, rad/s'
 plot for [c in axes] csv using 't':'actual_'.c.'_b' with lines lw 2 title c noenhanced
 unset multiplot
 set xrange [0:last]
+eval borders
 
 # Counterpart of Fig. 6 and 8.
 set output folder.'/activations.png'
@@ -54,7 +57,7 @@ unset multiplot
 reset
 set datafile separator comma
 set output folder.'/scene.png'
-set terminal pngcairo size 1500,900 font 'sans,11' background 'white'
+set terminal pngcairo size 1500,800 font 'sans,11' background 'white'
 set multiplot
 set xrange [-2.2:5.4]
 set yrange [-2.6:7.2]
@@ -65,7 +68,7 @@ set ztics ('0' 0, '1' -1, '2' -2, '3' -3)
 set xlabel 'x (m)'
 set ylabel 'y (m)'
 set grid
-set view 62,30,1.0
+set view 62,30,1.32
 set view equal xyz
 set xyplane at -3.05
 scene = folder.'/scene.csv'
@@ -76,7 +79,7 @@ set tmargin 0
 set bmargin 0
 set size 0.42,0.62
 do for [k=0:5] {
-  set origin (k%3)/3.0-0.045, 0.43-0.5*(k/3)
+  set origin (k%3)/3.0-0.04, 0.45-0.49*(k/3)
   set title sprintf('(%s) %s, t = %.1f s', substr('abcdef', k+1, k+1), word(names, k+1), real(word(snapshots, k+1))) offset 0,-4
   splot csv using 'object_x':'object_y':(-column('object_z')) with lines lw 1 dt 2 lc rgb '#d4a000' notitle, \
     for [b=0:2:2] scene index 5*k+b using 1:2:(-$3) with lines lw 1.5 lc rgb (b ? '#2ca02c' : '#1f77b4') notitle, \

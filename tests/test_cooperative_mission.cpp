@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The figures of the cooperative mission.
+#include <gtest/gtest.h>
+
+#include "../examples/02_cooperative_mission/mission.hpp"
+#include "support/sanitized.hpp"
+
+namespace {
+
+using namespace cooperation;
+constexpr double degree = std::numbers::pi / 180;
+
+void expect_safe(const Result& r) {
+  ASSERT_EQ(r.status, icat::Status::ok);
+  ASSERT_EQ(r.ends.size(), 7u);
+  EXPECT_GT(r.joint_margin, 0);
+  EXPECT_GT(r.distance, minimum_distance);
+  EXPECT_GT(r.manipulability, minimum_manipulability);
+  EXPECT_LT(r.attitude, maximum_attitude);
+}
+
+void expect_success(const Result& r) {
+  expect_safe(r);
+  EXPECT_TRUE(r.finished);
+  for (std::size_t k = 0; k < 7; ++k) {
+    EXPECT_NEAR(r.ends[k], paper_ends[k], 0.2 * paper_ends[k]) << phase_names[k];
+  }
+  EXPECT_LT(r.pre_deployment_position, 1e-3);
+  EXPECT_LT(r.pre_deployment_orientation, 0.1 * degree);
+  EXPECT_LT(r.deployment_position, 1e-3);
+  EXPECT_LT(r.deployment_orientation, 0.1 * degree);
+  EXPECT_LT(r.mismatch, 1e-9);
+  EXPECT_LT(r.drift, 2e-3);
+  EXPECT_LT(r.drift_angle, 0.2 * degree);
+  // No jump in 10 ms: accelerations below 10 m/s² (rad/s²) in norm, and no chattering.
+  EXPECT_LT(r.step, 0.1);
+  EXPECT_LT(r.event_step, 0.1);
+  EXPECT_LT(r.chatter, 1e-6);
+}
+
+TEST(CooperativeMission, InStillWater) {
+  const Result r = run({});
+  expect_success(r);
+  EXPECT_EQ(r.bits_per_second, 192 / dt);
+  // The pipe was carried over five metres, turned and set down.
+  const Pose& last = r.samples.back().object;
+  EXPECT_LT((last.translation() - deployment.translation()).norm(), 1e-3);
+  EXPECT_GT((last.translation() - pipe_start.translation()).norm(), 5);
+  // Every task has something to do on the way, the arms rest while the vehicles carry.
+  for (std::size_t k = 0; k < task_names.size(); ++k) {
+    double most = 0;
+    for (const auto& s : r.samples) {
+      for (const auto& robot : s.robots) most = std::max(most, robot.activations[k]);
+    }
+    EXPECT_GT(most, 0.01) << task_names[k];
+  }
+  for (const auto& s : r.samples) {
+    if (s.phase == 3 && s.t > r.ends[2] + 0.5) {
+      for (const auto& robot : s.robots) EXPECT_LT(robot.command.head<7>().norm(), 0.02) << s.t;
+    }
+  }
+}
+
+TEST(CooperativeMission, InACurrentTheArmsCompensate) {
+  if (sanitized) GTEST_SKIP();
+  const Result without = run({.current = true});
+  const Result with = run({.current = true, .compensation = true});
+  expect_safe(without);
+  expect_safe(with);
+  EXPECT_TRUE(with.finished);
+  EXPECT_GT(with.object_speed_error, 0);
+  EXPECT_GE(without.object_speed_error, 10 * with.object_speed_error);
+  EXPECT_LT(with.drift, 2e-3);
+  EXPECT_LT(with.drift_angle, 0.2 * degree);
+  EXPECT_LT(with.step, 0.1);
+}
+
+TEST(CooperativeMission, CentralizedBaseline) {
+  if (sanitized) GTEST_SKIP();
+  const Result r = run({.centralized = true});
+  expect_success(r);
+  EXPECT_GT(r.bits_per_second, 100 * 192 / dt);
+}
+
+TEST(CooperativeMission, VelocitiesStayInsideTheirBounds) {
+  if (sanitized) GTEST_SKIP();
+  for (const auto& s : run({}).samples) {
+    for (const auto& robot : s.robots) {
+      ASSERT_LE(robot.command.head<7>().cwiseAbs().maxCoeff(), joint_speed);
+      ASSERT_LE(robot.command.segment<3>(7).cwiseAbs().maxCoeff(), vehicle_speed);
+      ASSERT_LE(robot.command.tail<3>().cwiseAbs().maxCoeff(), vehicle_turn);
+    }
+  }
+}
+
+}  // namespace
