@@ -167,9 +167,13 @@ std::string message_of(F&& f) {
 
 TEST(LoopErrors, ConfigurationThrowsWithNamesAndNumbers) {
   using Loop = icat::PiLoop<double, 2>;
-  EXPECT_EQ(message_of([] { Loop({.proportional = {1, -2}}); }),
+  EXPECT_EQ(message_of([] {
+              Loop({.proportional = {1, -2}});
+            }),
             "PiLoop: proportional gain 1 must be finite and >= 0, got -2");
-  EXPECT_EQ(message_of([] { Loop({.integral = {INFINITY, 0}}); }),
+  EXPECT_EQ(message_of([] {
+              Loop({.integral = {INFINITY, 0}});
+            }),
             "PiLoop: integral gain 0 must be finite and >= 0, got inf");
   EXPECT_EQ(message_of([] { Loop({.bound = {1, -1}}); }), "PiLoop: bound 1 must be >= 0, got -1");
   EXPECT_EQ(message_of([] { icat::LowPass<double, 1>(-1); }),

@@ -65,6 +65,7 @@ class GraspedObjectPlant {
   /// `HydrodynamicPlant::step`. What is not finite, or would become so: refused, the state stays.
   /// No allocation.
   Status step(const VectorN& first, const VectorN& second, Scalar dt) noexcept {
+    if (!(dt > Scalar(0)) || !std::isfinite(dt)) return Status::non_finite;  // 1/dt is needed
     const std::array<const VectorN*, 2> forces{&first, &second};
     const Scalar half = dt / Scalar(2);
     const Pose<Scalar> middle = integrate<Scalar>(pose_, velocity_, half);
