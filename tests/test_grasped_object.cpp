@@ -50,7 +50,7 @@ Pair make_free_pair() {
 
 // Generalized forces of the wrench w on ⟨t_i⟩.
 VectorN pushing(const Pair& pair, std::size_t i, const Vector6& w) {
-  return pair.robot(i).dynamics().jacobian(pair.grasp(i)).transpose() * w;
+  return pair.robot(i).dynamics().hand(pair.grasp(i)).jacobian.transpose() * w;
 }
 
 double energy(const Plant& plant) {
@@ -187,7 +187,7 @@ TEST(Grasp, WrenchesMoveTheObjectAndTheHandsFollow) {
     // The predicted middle velocity is not the mean, to first order of the step.
     EXPECT_LT((sum - expected).norm(), 1e-2 * (1 + pair.wrench(0).norm()));
     for (std::size_t i : {0u, 1u}) {
-      const Vector6 hand = pair.robot(i).dynamics().twist(pair.grasp(i));
+      const Vector6 hand = pair.robot(i).dynamics().hand(pair.grasp(i)).twist;
       // Joints of 3 g m² under random 30 N m: the accelerations are huge.
       EXPECT_LT((hand - pair.object_velocity()).norm(), 1e-3);
     }

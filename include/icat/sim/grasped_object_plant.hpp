@@ -57,7 +57,7 @@ class GraspedObjectPlant {
       grasps_[i] = tip(i).inverse(Eigen::Isometry) * pose_;
       wrenches_[i].setZero();
     }
-    velocity_ = robots_[0].dynamics().twist(grasps_[0]);
+    velocity_ = robots_[0].dynamics().hand(grasps_[0]).twist;
     acceleration_.setZero();
   }
 
@@ -86,13 +86,10 @@ class GraspedObjectPlant {
       Hand& hand = hands[i];
       const Status status = robot.begin(*forces[i], dt);
       if (status != Status::ok) return status;
-      const auto& dynamics = robot.dynamics_;
-      const Pose<Scalar> drift =
-          difference(middle, robot.middle_.vehicle * dynamics.end_effector() * grasps_[i]);
-      Vector6<Scalar> error;
-      error << drift.translation(), rotation_log<Scalar>(drift.linear());
+      const auto at = robot.dynamics_.hand(grasps_[i]);
+      const Vector6<Scalar> error = difference(middle, robot.middle_.vehicle * at.pose);
 
-      hand.Y = dynamics.jacobian(grasps_[i]).transpose();
+      hand.Y = at.jacobian.transpose();
       robot.factor_.solve_lower(hand.Y);
       Matrix6<Scalar> S;
       for (Index c = 0; c < 6; ++c) {
@@ -102,9 +99,8 @@ class GraspedObjectPlant {
       if (!factor.compute(S)) return Status::numerical_failure;
       hand.inertia.setIdentity();
       factor.solve(hand.inertia);
-      hand.free = hand.Y.transpose().lazyProduct(robot.reduced_) +
-                  dynamics.bias_acceleration(grasps_[i]) +
-                  Scalar(2) * rate * (dynamics.twist(grasps_[i]) - V) + rate * rate * error;
+      hand.free = hand.Y.transpose().lazyProduct(robot.reduced_);
+      hand.free += at.bias_acceleration + Scalar(2) * rate * (at.twist - V) + rate * rate * error;
       total += hand.inertia;
       acceleration += hand.inertia.lazyProduct(hand.free);
     }
@@ -147,10 +143,7 @@ class GraspedObjectPlant {
   Vector6<Scalar> interaction() const noexcept { return (wrenches_[0] - wrenches_[1]) / Scalar(2); }
   /// How far ⟨t_i⟩ has come off ⟨o⟩: position (m) and rotation vector (rad), components on ⟨o⟩.
   Vector6<Scalar> drift(std::size_t i) const noexcept {
-    const Pose<Scalar> off = difference(pose_, tip(i) * grasps_[i]);
-    Vector6<Scalar> e;
-    e << off.translation(), rotation_log<Scalar>(off.linear());
-    return e;
+    return difference(pose_, tip(i) * grasps_[i]);
   }
 
  private:
@@ -160,8 +153,13 @@ class GraspedObjectPlant {
     Vector6<Scalar> free;                                               // u
   };
 
-  static Pose<Scalar> difference(const Pose<Scalar>& from, const Pose<Scalar>& to) noexcept {
-    return from.inverse(Eigen::Isometry) * to;
+  // Pose of `to` in `from`, as position and rotation vector.
+  static Vector6<Scalar> difference(const Pose<Scalar>& from, const Pose<Scalar>& to) noexcept {
+    const Matrix3<Scalar> back = from.linear().transpose();
+    Vector6<Scalar> e;
+    e.template head<3>() = back * (to.translation() - from.translation());
+    e.template tail<3>() = rotation_log<Scalar>(back * to.linear());
+    return e;
   }
   // ⟨e⟩ of robot i in ⟨0⟩, now.
   Pose<Scalar> tip(std::size_t i) const noexcept {

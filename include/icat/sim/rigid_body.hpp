@@ -68,7 +68,8 @@ struct Spatial {
   }
   Vector6<Scalar> vector() const noexcept {
     Vector6<Scalar> v;
-    v << linear, angular;
+    v.template head<3>() = linear;
+    v.template tail<3>() = angular;
     return v;
   }
   Spatial& operator+=(const Spatial& other) noexcept {
@@ -109,9 +110,14 @@ struct SpatialInertia {
   }
   Matrix6<Scalar> matrix() const noexcept {
     Matrix6<Scalar> m;
-    m << A, G.transpose(), G, I;
+    m.template topLeftCorner<3, 3>() = A;
+    m.template topRightCorner<3, 3>() = G.transpose();
+    m.template bottomLeftCorner<3, 3>() = G;
+    m.template bottomRightCorner<3, 3>() = I;
     // Symmetric to the last digit.
-    for (Index i = 1; i < 6; ++i) m.row(i - 1).tail(6 - i) = m.col(i - 1).tail(6 - i).transpose();
+    for (Index i = 0; i < 6; ++i) {
+      for (Index j = 0; j < i; ++j) m(j, i) = m(i, j);
+    }
     return m;
   }
 };

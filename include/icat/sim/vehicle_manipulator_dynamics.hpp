@@ -64,7 +64,8 @@ class VehicleManipulatorDynamics {
     Spatial a = Spatial::zero();  // with ÿ = 0, seen from where ⟨v⟩ is now
     Spatial base_force = vehicle_.wrench(vehicle_.place(), Matrix3<Scalar>::Identity(), V, a, g);
 
-    std::array<Spatial, ArmDof> screw, force;
+    std::array<Spatial, ArmDof>& screw = screws_;
+    std::array<Spatial, ArmDof> force;
     std::array<detail::SpatialInertia<Scalar>, ArmDof> composite;
     Matrix3<Scalar> R = arm_mount_.linear();
     Vector3<Scalar> t = arm_mount_.translation();
@@ -98,14 +99,14 @@ class VehicleManipulatorDynamics {
 
     for (std::size_t i = ArmDof; i-- > 0;) {
       const auto row = static_cast<Index>(i);
-      screws_.col(row) = screw[i].vector();
       bias_(row) = screw[i].dot(force[i]);
       const Spatial F = composite[i] * screw[i];
       for (std::size_t j = 0; j <= i; ++j) {
         mass_(row, static_cast<Index>(j)) = mass_(static_cast<Index>(j), row) = F.dot(screw[j]);
       }
-      mass_.template block<6, 1>(ArmDof, row) = F.vector();
-      mass_.template block<1, 6>(row, ArmDof) = F.vector().transpose();
+      const Vector6<Scalar> column = F.vector();
+      mass_.template block<6, 1>(ArmDof, row) = column;
+      mass_.template block<1, 6>(row, ArmDof) = column.transpose();
       if (i > 0) {
         force[i - 1] += force[i];
         composite[i - 1] += composite[i];
@@ -123,28 +124,35 @@ class VehicleManipulatorDynamics {
   const VectorN& bias() const noexcept { return bias_; }
   /// ⟨e⟩ in ⟨v⟩.
   const Pose<Scalar>& end_effector() const noexcept { return end_effector_; }
-  /// Twist of a frame with pose `e_t` in ⟨e⟩, at its origin, components on itself: J ẏ.
-  Jacobian jacobian(const Pose<Scalar>& e_t) const noexcept {
-    const Pose<Scalar> v_t = end_effector_ * e_t;
-    Jacobian J;
-    for (Index i = 0; i < ArmDof; ++i) {
-      J.col(i) = carry(Spatial::of(screws_.col(i)), v_t).vector();
+  /// A frame fixed to the end-effector: everything at its origin, components on itself.
+  struct Hand {
+    Pose<Scalar> pose;                  ///< in ⟨v⟩
+    Jacobian jacobian;                  ///< J, rows linear then angular
+    Vector6<Scalar> twist;              ///< J ẏ
+    Vector6<Scalar> bias_acceleration;  ///< J̇ ẏ: the twist's derivative at ÿ = 0
+  };
+  /// The frame with pose `e_t` in ⟨e⟩. No allocation.
+  Hand hand(const Pose<Scalar>& e_t) const noexcept {
+    Hand h;
+    h.pose = end_effector_ * e_t;
+    const Matrix3<Scalar> back = h.pose.linear().transpose();
+    const Vector3<Scalar> r = h.pose.translation();
+    // A twist or its derivative, from the origin of ⟨v⟩ to this frame.
+    const auto carry = [&](const Spatial& V, auto&& out) {
+      out.template head<3>() = back * (V.linear + V.angular.cross(r));
+      out.template tail<3>() = back * V.angular;
+    };
+    for (std::size_t i = 0; i < ArmDof; ++i) {
+      carry(screws_[i], h.jacobian.col(static_cast<Index>(i)));
     }
-    const Matrix3<Scalar> back = v_t.linear().transpose();
-    auto Jv = J.template rightCols<6>();
+    auto Jv = h.jacobian.template rightCols<6>();
     Jv.template topLeftCorner<3, 3>() = back;
-    Jv.template topRightCorner<3, 3>() = -back * skew(v_t.translation());
+    Jv.template topRightCorner<3, 3>() = -back * skew(r);
     Jv.template bottomLeftCorner<3, 3>().setZero();
     Jv.template bottomRightCorner<3, 3>() = back;
-    return J;
-  }
-  /// The twist itself.
-  Vector6<Scalar> twist(const Pose<Scalar>& e_t) const noexcept {
-    return carry(end_effector_twist_, end_effector_ * e_t).vector();
-  }
-  /// J̇ ẏ: what is left of the twist's derivative at ÿ = 0.
-  Vector6<Scalar> bias_acceleration(const Pose<Scalar>& e_t) const noexcept {
-    return carry(end_effector_acceleration_, end_effector_ * e_t).vector();
+    carry(end_effector_twist_, h.twist);
+    carry(end_effector_acceleration_, h.bias_acceleration);
+    return h;
   }
 
   /// ½ ẏᵀ M ẏ, J, with the state given to `update`; added mass counts.
@@ -196,12 +204,6 @@ class VehicleManipulatorDynamics {
     update(VectorQ::Zero(), Pose<Scalar>::Identity(), VectorN::Zero());
   }
 
-  // A twist (or its derivative) at the origin of ⟨v⟩ to the origin and components of ⟨t⟩.
-  static Spatial carry(const Spatial& V, const Pose<Scalar>& v_t) noexcept {
-    const Matrix3<Scalar> back = v_t.linear().transpose();
-    return {back * (V.linear + V.angular.cross(v_t.translation())), back * V.angular};
-  }
-
   static constexpr const char* owner = "VehicleManipulatorDynamics";
 
   SerialChain<Scalar, ArmDof> arm_;
@@ -213,7 +215,7 @@ class VehicleManipulatorDynamics {
 
   MatrixN mass_;
   VectorN bias_;
-  Eigen::Matrix<Scalar, 6, ArmDof> screws_;
+  std::array<Spatial, ArmDof> screws_;
   Pose<Scalar> end_effector_;
   Spatial end_effector_twist_, end_effector_acceleration_;
 };
