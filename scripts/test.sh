@@ -3,7 +3,7 @@
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
 need g++:g++ clang:clang++ cmake:cmake ninja-build:ninja ccache:ccache doxygen:doxygen \
-  gnuplot-nox:gnuplot libeigen3-dev libgtest-dev libbenchmark-dev libcli11-dev
+  gnuplot-nox:gnuplot libeigen3-dev libgtest-dev libbenchmark-dev libcli11-dev libmujoco-dev
 need_compiler
 
 # Where the sanitizers of clang are a package of their own, it carries the version in its name.

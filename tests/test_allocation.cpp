@@ -103,4 +103,50 @@ TEST_F(Allocation, NoneInTheArmLaw) {
   EXPECT_TRUE(qdot.allFinite());
 }
 
+TEST_F(Allocation, NoneInTheCooperation) {
+  using Robot = icat::Uvms<double, 7>;
+  Robot a({.arm = icat::maris_arm<double>()}), b({.arm = icat::maris_arm<double>()});
+  icat::task::ToolPose<Robot> tool_a(a, icat::task::PoseTaskOptions<double>{});
+  icat::task::ToolPose<Robot> tool_b(b, icat::task::PoseTaskOptions<double>{});
+  const std::vector<icat::Action<Robot>> actions_a{{"alone", {{tool_a}}}, {"carry", {{tool_a}}}};
+  const std::vector<icat::Action<Robot>> actions_b{{"alone", {{tool_b}}}, {"carry", {{tool_b}}}};
+  for (const bool spans : {false, true}) {
+    const auto options = [&](std::size_t i) {
+      return icat::Agent<Robot>::Options{.controller = {.scheme = icat::Scheme::parallel},
+                                         .agreement = {.index = i, .spans = spans}};
+    };
+    icat::Agent<Robot> agent_a(a, actions_a, {{"carry", tool_a}}, options(0));
+    icat::Agent<Robot> agent_b(b, actions_b, {{"carry", tool_b}}, options(1));
+    icat::CentralizedController<Robot> central({{a, actions_a}, {b, actions_b}}, {});
+    icat::Status status = icat::Status::ok;
+    const auto check = [&](icat::Status s) {
+      if (status == icat::Status::ok) status = s;
+    };
+    EXPECT_EQ(count_allocations([&] {
+                check(agent_a.start("alone", 0));
+                check(agent_b.start("alone", 0));
+                check(central.start("carry", 0));
+                for (int k = 0; k < 30; ++k) {
+                  const double t = 0.1 * k;
+                  if (k == 5) {
+                    check(agent_a.switch_to("carry", t, 1));
+                    check(agent_b.switch_to("carry", t, 1));
+                  }
+                  check(agent_a.propose(t));
+                  check(agent_b.propose(t));
+                  check(agent_a.receive(1, agent_b.send()));
+                  check(agent_b.receive(0, agent_a.send()));
+                  check(agent_a.step(t));
+                  check(agent_b.step(t));
+                  check(agent_a.step_arm_law(t));
+                  volatile double keep = agent_a.joint_velocity(icat::Vector6<double>::Ones())(0);
+                  (void)keep;
+                  check(central.step(t, 1));
+                }
+              }),
+              0);
+    EXPECT_EQ(status, icat::Status::ok) << icat::describe(status);
+  }
+}
+
 }  // namespace

@@ -171,7 +171,7 @@ TEST(Agreement, AllComeToTheSameBits) {
       for (int round = 0; round < 20; ++round) {
         for (std::size_t i = 0; i < count; ++i) {
           said[i] = Vector6::NullaryExpr([&] { return n(gen); });
-          ASSERT_EQ(agents[i].propose(said[i]), Status::ok);
+          ASSERT_EQ(agents[i].propose(said[i], Vector6::Zero()), Status::ok);
         }
         for (std::size_t i = 0; i < count; ++i) {
           const auto bytes = agents[i].send();
@@ -182,7 +182,7 @@ TEST(Agreement, AllComeToTheSameBits) {
             }
           }
         }
-        for (auto& agent : agents) (void)agent.update(round, Vector6::Zero());
+        for (auto& agent : agents) (void)agent.update(round);
       }
       Vector6 mean = Vector6::Zero();
       for (const auto& v : said) mean += v / static_cast<double>(count);
@@ -199,8 +199,8 @@ TEST(Agreement, AllComeToTheSameBits) {
 std::vector<Vector6> silence(icat::Fallback fallback, double dt) {
   Agreement agent(Options{.hold = 0.5, .fallback = fallback, .fade = 1});
   Agreement other(Options{.index = 1});
-  EXPECT_EQ(agent.propose(twist(0.2, 0, 0)), Status::ok);
-  EXPECT_EQ(other.propose(twist(0.4, 0, 0)), Status::ok);
+  EXPECT_EQ(agent.propose(twist(0.2, 0, 0), Vector6::Zero()), Status::ok);
+  EXPECT_EQ(other.propose(twist(0.4, 0, 0), Vector6::Zero()), Status::ok);
   std::vector<Vector6> commanded;
   for (int k = 0; k * dt < 7; ++k) {
     const double t = k * dt;
@@ -208,7 +208,7 @@ std::vector<Vector6> silence(icat::Fallback fallback, double dt) {
       EXPECT_EQ(agent.receive(1, other.send()), Status::ok);
     }
     EXPECT_EQ(agent.send().size(), 24u);
-    commanded.push_back(agent.update(t, Vector6::Zero()));
+    commanded.push_back(agent.update(t));
   }
   return commanded;
 }
@@ -233,7 +233,7 @@ TEST(Agreement, HoldsThenFallsBackThenReturns) {
 
 TEST(Agreement, ABadMessageIsNoMessage) {
   Agreement agent(Options{.hold = 0.5, .fade = 0.1});
-  ASSERT_EQ(agent.propose(twist(1, 0, 0)), Status::ok);
+  ASSERT_EQ(agent.propose(twist(1, 0, 0), Vector6::Zero()), Status::ok);
   (void)agent.send();
   const std::array<std::byte, 23> shorter{};
   std::array<std::byte, 24> nan;
@@ -243,24 +243,24 @@ TEST(Agreement, ABadMessageIsNoMessage) {
   const std::array<std::byte, 24> good{};
   EXPECT_EQ(agent.receive(0, good), Status::unknown_agent);  // itself
   EXPECT_EQ(agent.receive(2, good), Status::unknown_agent);
-  (void)agent.update(0, Vector6::Zero());
+  (void)agent.update(0);
   EXPECT_FALSE(agent.agreed());
   EXPECT_EQ(agent.receive(1, good), Status::ok);
-  (void)agent.update(0.01, Vector6::Zero());
+  (void)agent.update(0.01);
   EXPECT_TRUE(agent.agreed());
 }
 
 TEST(Agreement, StaysFinite) {
   Agreement agent(Options{.policy = [](const auto&) { return Vector6::Constant(NAN).eval(); }});
-  EXPECT_EQ(agent.propose(Vector6::Constant(NAN)), Status::non_finite);
+  EXPECT_EQ(agent.propose(Vector6::Constant(NAN), Vector6::Zero()), Status::non_finite);
   EXPECT_TRUE(agent.send().empty());
-  ASSERT_EQ(agent.propose(twist(1, 0, 0)), Status::ok);
+  ASSERT_EQ(agent.propose(twist(1, 0, 0), Vector6::Zero()), Status::ok);
   (void)agent.send();
   EXPECT_EQ(agent.receive(1, std::array<std::byte, 24>{}), Status::ok);
-  EXPECT_TRUE(agent.update(0, Vector6::Zero()).allFinite());
+  EXPECT_TRUE(agent.update(0).allFinite());
   EXPECT_FALSE(agent.agreed());
-  EXPECT_TRUE(agent.update(NAN, Vector6::Zero()).allFinite());
-  EXPECT_TRUE(agent.update(1, Vector6::Zero()).allFinite());
+  EXPECT_TRUE(agent.update(NAN).allFinite());
+  EXPECT_TRUE(agent.update(1).allFinite());
 }
 
 TEST(Agreement, RefusesBadOptions) {
@@ -436,6 +436,32 @@ TEST(Agent, TheArmMakesUpForTheVehicle) {
         1e-9);
     EXPECT_TRUE(pair.agents[i]->joint_velocity(Vector6(Vector6::Constant(NAN))).isZero());
   }
+}
+
+TEST(Agent, FilterAndCorrection) {
+  Pair pair(false);
+  auto& plain = *pair.agents[0];
+  icat::Agent<Robot> slow(pair.a.robot, pair.a.actions(), {{"carry", pair.a.tool}},
+                          icat::Agent<Robot>::Options{.agreement = {.fade = 0.01}, .filter = 0.5});
+  for (auto& agent : pair.agents) ASSERT_EQ(agent->start("carry", 0), Status::ok);
+  ASSERT_EQ(slow.start("carry", 0), Status::ok);
+  const double dt = 0.01;
+  for (int k = 0; k <= 100; ++k) {
+    pair.cycle(dt * k);
+    ASSERT_EQ(slow.propose(dt * k), Status::ok);
+    (void)slow.send();
+    ASSERT_EQ(slow.receive(1, pair.agents[1]->send()), Status::ok);
+    const Vector6 correction = twist(0, 0.01, 0);
+    ASSERT_EQ(slow.step(dt * k, Vector6::Zero(), correction), Status::ok);
+    const Vector6 commanded = pair.a.robot.tool_jacobian(icat::Frame::tool) * slow.velocity();
+    EXPECT_LT((commanded - correction - slow.agreed_velocity()).norm(), 1e-12);
+  }
+  // The input was there from 0.01 s on, at 0 s it faded in.
+  const Vector6 expected = (1 - std::exp(-1.0 / 0.5)) * plain.agreed_velocity();
+  EXPECT_LT((slow.agreed_velocity() - expected).norm(), 1e-3);
+  EXPECT_THROW(icat::Agent<Robot>(pair.a.robot, pair.a.actions(), {{"carry", pair.a.tool}},
+                                  icat::Agent<Robot>::Options{.filter = -1}),
+               std::invalid_argument);
 }
 
 TEST(Agent, RefusesWhatCannotBeShared) {

@@ -72,7 +72,7 @@ TEST(CooperativeMission, InACurrentTheArmsCompensate) {
   EXPECT_GE(without.object_speed_error, 10 * with.object_speed_error);
   EXPECT_LT(with.drift, 2e-3);
   EXPECT_LT(with.drift_angle, 0.2 * degree);
-  EXPECT_LT(with.step, 0.1);
+  EXPECT_LT(with.step, 0.15);  // the arms do what the vehicles would do otherwise
 }
 
 TEST(CooperativeMission, CentralizedBaseline) {

@@ -12,12 +12,17 @@
 /// the vehicle does not track the arm makes up for, as in control/controller.hpp [Coop, IV-D].
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "icat/control/controller.hpp"
+#include "icat/control/low_pass.hpp"
 #include "icat/cooperation/agreement.hpp"
+#include "icat/model/uvms.hpp"
 #include "icat/task/pose_tasks.hpp"
 #include "icat/task/tool_velocity.hpp"
 
@@ -48,6 +53,8 @@ class Agent {
     typename AgentController::Options controller{};
     /// Of the exchange.
     AgreementOptions<Scalar> agreement{};
+    /// Time constant of the filter on ẋ̂_t, s, ≥ 0; 0: none. The same for all agents.
+    Scalar filter{0};
   };
 
   /// `robot` and the tasks must outlive this object.
@@ -59,6 +66,7 @@ class Agent {
         shared_(shared),
         agreed_velocity_(robot, "agreed velocity"),
         agreement_(options.agreement),
+        filter_(options.filter),
         own_(robot, actions,
              {.actuated = options.controller.actuated, .solver = options.controller.solver}),
         second_(robot, with_agreement(actions, shared, agreed_velocity_), options.controller),
@@ -89,8 +97,8 @@ class Agent {
     if (const Status status = own_.step(time, measured); status != Status::ok) return status;
     const auto& J = robot_.tool_jacobian(Frame::tool);
     const Vector6<Scalar> velocity = J * own_.velocity();
-    if (!agreement_.options().spans) return agreement_.propose(velocity);
-    return agreement_.propose(velocity, span());
+    if (!agreement_.options().spans) return agreement_.propose(velocity, desired());
+    return agreement_.propose(velocity, desired(), span());
   }
   /// Step 2, out: the proposal as bytes, see `Agreement::send`. Counts as sent to all the others.
   std::span<const std::byte> send() noexcept { return agreement_.send(); }
@@ -98,9 +106,15 @@ class Agent {
   Status receive(std::size_t sender, std::span<const std::byte> bytes) noexcept {
     return agreement_.receive(sender, bytes);
   }
-  /// Step 3, for the robot's state of `propose`; errors as in `Controller::step`.
-  Status step(Scalar time, const Vector6<Scalar>& measured = Vector6<Scalar>::Zero()) noexcept {
-    agreed_velocity_.set_velocity(agreement_.update(time, desired()));
+  /// Step 3, for the robot's state of `propose`; errors as in `Controller::step`. `correction`
+  /// (components on ⟨t⟩) is added to ẋ̂_t, such as a small velocity along a measured interaction
+  /// force [Coop, V-B].
+  Status step(Scalar time, const Vector6<Scalar>& measured = Vector6<Scalar>::Zero(),
+              const Vector6<Scalar>& correction = Vector6<Scalar>::Zero()) noexcept {
+    const bool first = !std::isfinite(last_time_);
+    (void)filter_.update(agreement_.update(time), first ? Scalar(0) : time - last_time_);
+    if (std::isfinite(time)) last_time_ = time;
+    agreed_velocity_.set_velocity(filter_.value() + correction);
     // Alone and settled, both hierarchies are the same.
     const bool same =
         !(agreement_activation() > Scalar(0)) && !own_.in_transition() && !second_.in_transition();
@@ -132,8 +146,8 @@ class Agent {
   auto joint_velocity() const noexcept { return velocity_.head(robot_.arm_dof()); }
   /// v̄ of `velocity`.
   auto vehicle_velocity() const noexcept { return velocity_.template tail<6>(); }
-  /// ẋ̂_t, components on ⟨t⟩.
-  const Vector6<Scalar>& agreed_velocity() const noexcept { return agreement_.velocity(); }
+  /// ẋ̂_t after the filter, components on ⟨t⟩.
+  const Vector6<Scalar>& agreed_velocity() const noexcept { return filter_.value(); }
   /// aᵖ of ẋ̂_t on top of the second hierarchy: 0 alone, 1 in a shared action. The object may be
   /// held firmly only at 1.
   Scalar agreement_activation() const noexcept {
@@ -258,11 +272,13 @@ class Agent {
   std::vector<SharedAction<R>> shared_;
   task::ToolVelocity<R> agreed_velocity_;
   Agreement<Scalar> agreement_;
+  LowPass<Scalar, 6> filter_;
   AgentController own_, second_;
   Scheme scheme_;
   typename AgentController::Velocity velocity_;
   Sensitivity sensitivity_;
   std::vector<ToolEntry> tools_;
+  Scalar last_time_{-std::numeric_limits<Scalar>::infinity()};
   std::size_t top_entry_{static_cast<std::size_t>(-1)}, last_tool_level_{0};
   Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> extended_;
 };

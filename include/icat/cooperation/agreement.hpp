@@ -10,6 +10,7 @@
 /// fades, in either direction.
 #pragma once
 
+#include <algorithm>
 #include <limits>
 #include <vector>
 
@@ -61,9 +62,9 @@ class Agreement {
   /// As given at construction.
   const AgreementOptions<Scalar>& options() const noexcept { return options_; }
 
-  /// This agent's proposal: ẋ_i and, where spans are exchanged, T_i. NaN, infinity or what float32
-  /// cannot hold: refused, the last proposal stays.
-  Status propose(const Vector6<Scalar>& velocity,
+  /// This agent's proposal: ẋ_i, ẋ̄_t and, where spans are exchanged, T_i. NaN, infinity or what
+  /// float32 cannot hold: refused, the last proposal stays.
+  Status propose(const Vector6<Scalar>& velocity, const Vector6<Scalar>& desired,
                  const Matrix6<Scalar>& span = Matrix6<Scalar>::Identity()) noexcept {
     Said said;
     said << velocity, span;
@@ -72,6 +73,7 @@ class Agreement {
     }
     proposed_ = true;
     own_ = said.col(0);
+    desired_ = desired;
     return Status::ok;
   }
 
@@ -90,15 +92,11 @@ class Agreement {
     return store(sender, bytes);
   }
 
-  /// The tool velocity to command at `time`, components on ⟨t⟩; `desired` is ẋ̄_t. Always finite.
-  const Vector6<Scalar>& update(Scalar time, const Vector6<Scalar>& desired) noexcept {
+  /// The tool velocity to command at `time`, components on ⟨t⟩. Always finite.
+  const Vector6<Scalar>& update(Scalar time) noexcept {
     if (!std::isfinite(time)) return velocity_;
-    bool complete = true;
-    for (const bool heard : heard_) complete = complete && heard;
-    if (complete) {
-      std::fill(heard_.begin(), heard_.end(), false);
-      fuse(time, desired);
-    }
+    if (fresh_) agreed_until_ = time + options_.hold;
+    fresh_ = false;
     const bool agreed = time <= agreed_until_;
     if (agreed != agreed_) {
       agreed_ = agreed;
@@ -131,16 +129,21 @@ class Agreement {
     velocities_[agent] = said.col(0);
     if (options_.spans) spans_[agent] = said.template rightCols<6>();
     heard_[agent] = true;
+    for (const bool heard : heard_) {
+      if (!heard) return Status::ok;
+    }
+    std::fill(heard_.begin(), heard_.end(), false);
+    fuse();
     return Status::ok;
   }
 
-  void fuse(Scalar time, const Vector6<Scalar>& desired) noexcept {
-    const Proposals<Scalar> proposals{velocities_, spans_, desired};
+  void fuse() noexcept {
+    const Proposals<Scalar> proposals{velocities_, spans_, desired_};
     Vector6<Scalar> fused = options_.policy(proposals);
     if (options_.spans && fused.allFinite()) fused = intersection_.nearest(fused, proposals);
     if (!fused.allFinite()) return;  // as if nothing had been heard
     fused_ = fused;
-    agreed_until_ = time + options_.hold;
+    fresh_ = true;
   }
 
   AgreementOptions<Scalar> options_;
@@ -150,10 +153,10 @@ class Agreement {
   SpanIntersection<Scalar> intersection_;
   std::vector<std::byte> message_;
   const Vector6<Scalar> zero_{Vector6<Scalar>::Zero()};
-  Vector6<Scalar> own_{zero_}, fused_{zero_}, velocity_{zero_}, from_{zero_};
+  Vector6<Scalar> own_{zero_}, desired_{zero_}, fused_{zero_}, velocity_{zero_}, from_{zero_};
   Scalar agreed_until_{-std::numeric_limits<Scalar>::infinity()};
   Scalar begin_{-std::numeric_limits<Scalar>::infinity()};
-  bool agreed_{false}, proposed_{false};
+  bool agreed_{false}, proposed_{false}, fresh_{false};
 };
 
 }  // namespace icat

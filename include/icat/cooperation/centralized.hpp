@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "icat/control/controller.hpp"
+#include "icat/model/uvms.hpp"
 
 namespace icat {
 

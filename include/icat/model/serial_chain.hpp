@@ -99,6 +99,8 @@ class SerialChain {
 
   /// Degrees of freedom.
   static constexpr Index dof() noexcept { return Dof; }
+  /// From base to end-effector, axes normalized.
+  const Joints& joints() const noexcept { return joints_; }
   /// Lower joint limits, rad or m.
   const VectorQ& lower_limits() const noexcept { return lower_; }
   /// Upper joint limits, rad or m.

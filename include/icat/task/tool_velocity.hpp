@@ -4,6 +4,7 @@
 /// operator's joystick.
 #pragma once
 
+#include "icat/model/uvms.hpp"
 #include "icat/task/task.hpp"
 
 namespace icat::task {
