@@ -3,9 +3,9 @@
 /// The planar vehicle with two arms of [NSB, II] and its five tasks [NSB, III].
 ///
 ///     η_b = [x y ψ]              the vehicle, in the inertial plane; y points up
-///     ẏ   = [u v r q̇₁ q̇₂]        u, v on the vehicle frame ⟨b⟩; ζ₁ = its first six, ζ₂ = its last two
-///     η_i^b = k_i(q_i)           end effectors in ⟨b⟩, Eq. (4), (5)
-///     η_i = η_b + R(ψ) k_i(q_i)  in the inertial frame, Eq. (2), (3)
+///     ẏ   = [u v r q̇₁ q̇₂]        u, v on the vehicle frame ⟨b⟩; ζ₁ = its first six, ζ₂ = its last
+///     two η_i^b = k_i(q_i)           end effectors in ⟨b⟩, Eq. (4), (5) η_i = η_b + R(ψ) k_i(q_i)
+///     in the inertial frame, Eq. (2), (3)
 ///
 /// **Errata.** Eq. (3), (23): `q12` in the second arm is `q22`. Eq. (13): J₁₂ has six columns.
 /// Eq. (20): the rotation's (1,2) entry is `−sin`. Eq. (22): a, a_des and p_e are taken in ⟨b⟩, as
@@ -121,8 +121,8 @@ struct FieldOfView : TaskValue<1> {
 ///
 /// Remark 2: the Jacobian divides by ε where the norm is smaller. J₂₁ then passes through 0 instead
 /// of jumping from one sign to the other, but J₂₁⁺ grows as J₂₁ shrinks: a rate of −λσ₂₁ would make
-/// the arm chatter with ±λε. So give the rate the factor that the Jacobian has, `weight`: J⁺ rate is
-/// then what it is without Remark 2, and smooth.
+/// the arm chatter with ±λε. So give the rate the factor that the Jacobian has, `weight`: J⁺ rate
+/// is then what it is without Remark 2, and smooth.
 inline FieldOfView field_of_view(const Dimensions& d, const State& s) {
   const auto p1 = arm1_points(d, s.q1);
   const auto p2 = arm2_points(d, s.q2);
@@ -141,7 +141,8 @@ inline FieldOfView field_of_view(const Dimensions& d, const State& s) {
   constexpr double rounding = 1e-12;
   if (t.value(0) < rounding) difference = rounding * turned(a);
   const Vector2 unit = difference / std::max(t.value(0), field_of_view_epsilon);
-  // In the plane −S(a_des) S(p_e)⁺ x = −(I − a_des a_desᵀ) x / ‖p_e‖, and S(a) [0 0 1]ᵀ = −turned(a).
+  // In the plane −S(a_des) S(p_e)⁺ x = −(I − a_des a_desᵀ) x / ‖p_e‖, and S(a) [0 0 1]ᵀ =
+  // −turned(a).
   const Vector2 along = (unit - a_des * a_des.dot(unit)) / range;
   t.jacobian.segment<3>(3) = along.transpose() * position_jacobian<4>(p1);
   t.jacobian.tail<2>() = -along.transpose() * position_jacobian<3>(p2);

@@ -49,8 +49,7 @@ class NullSpaceGuidance {
   /// Static size. No allocation.
   NullSpaceGuidance() requires(N != Eigen::Dynamic) : NullSpaceGuidance(N, 0) {}
   /// Dynamic size. @throws std::invalid_argument unless `dof` ≥ 1. Allocates.
-  explicit NullSpaceGuidance(Index dof) requires(N == Eigen::Dynamic)
-      : NullSpaceGuidance(dof, 0) {}
+  explicit NullSpaceGuidance(Index dof) requires(N == Eigen::Dynamic) : NullSpaceGuidance(dof, 0) {}
 
   /// Degrees of freedom, n.
   Index dof() const noexcept { return velocity_.size(); }
