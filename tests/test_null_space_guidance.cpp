@@ -273,10 +273,10 @@ TYPED_TEST(NullSpaceGuidance, NeverAllocates) {
   using M = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
   using V = icat::Vector<Scalar, Eigen::Dynamic>;
   EXPECT_GT(count_allocations([] {
-              volatile double keep = MatrixXd::Ones(30, 30)(3);
+              volatile double keep = MatrixXd::Ones(30, 30).eval()(3);
               (void)keep;
             }),
-            -1);
+            0);
   for (unsigned seed = 0; seed < 40; ++seed) {
     Generator gen(seed);
     const Index n = TypeParam::N == Eigen::Dynamic ? gen.integer(1, 40) : 6;

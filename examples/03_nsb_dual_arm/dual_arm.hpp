@@ -27,9 +27,9 @@ using Velocity = icat::Vector<double, 8>;
 
 /// Of the vehicle and the links, m. The paper gives none.
 struct Dimensions {
-  double length = 1.6, height = 0.6;
-  Vector3 arm1{0.5, 0.5, 0.3};
-  Vector2 arm2{0.6, 0.5};
+  double length = 1.2, height = 0.5;
+  Vector3 arm1{0.4, 0.4, 0.4};
+  Vector2 arm2{0.5, 0.4};
 };
 
 struct State {
