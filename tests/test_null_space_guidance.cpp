@@ -256,6 +256,21 @@ TYPED_TEST(NullSpaceGuidance, ScaleOfAJacobianDoesNotMatter) {
   }
 }
 
+// The snippet of the documentation.
+TEST(NullSpaceGuidanceOnce, InThreeLines) {
+  const Eigen::RowVector3d J1(1, 0, 0), J2(1, 1, 0);
+  const icat::Vector<double, 1> rate1(1.0), rate2(4.0);
+  //! [solver]
+  icat::NullSpaceGuidance<double, 3> guidance;  // NullSpaceGuidance<double>(dof) at run time
+  guidance.reset();
+  icat::Status status = guidance.add_task(J1, rate1);  // the highest priority first
+  if (status == icat::Status::ok) status = guidance.add_task(J2, rate2);
+  const icat::Vector<double, 3> velocity = guidance.velocity();  // finite, whatever came in
+  //! [solver]
+  EXPECT_EQ(status, icat::Status::ok);
+  EXPECT_LT((velocity - Eigen::Vector3d(1, 2, 0)).norm(), 1e-12);
+}
+
 TEST(NullSpaceGuidanceOnce, NeedsADegreeOfFreedom) {
   try {
     icat::NullSpaceGuidance<double> none(0);

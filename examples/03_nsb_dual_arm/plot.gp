@@ -3,28 +3,28 @@
 # The program sets: folder, times.
 set datafile separator comma
 set encoding utf8
-set grid lc rgb '#dddddd'
+set grid lt 1 lw 0.6 lc rgb '#dddddd'
 
 # Fig. 4a-4d.
 scene = folder.'/snapshots.csv'
-set terminal pngcairo size 1200,960 font 'sans,11' background 'white'
+set terminal pngcairo size 1200,1080 font 'sans,11' background 'white'
 set output folder.'/snapshots.png'
 set multiplot layout 2,2 margins 0.06,0.98,0.12,0.94 spacing 0.07,0.1
 set size ratio -1
-set xrange [-1.1:2.1]
-set yrange [-0.4:1.8]
+set xrange [-1.1:1.6]
+set yrange [-0.45:1.85]
 set xlabel 'x (m)' offset 0,0.5
 set ylabel 'y (m)' offset 1.5,0
 unset key
 do for [i=1:4] {
   b = 5*(i-1)
   set title sprintf('(%s)  t = %s s', word('a b c d', i), word(times, i))
-  if (i == 3) { set key at screen 0.5,0.02 center bottom horizontal maxcols 6 width 2 }
+  if (i == 3) { set key at screen 0.5,0.02 center bottom horizontal maxrows 1 width 2 }
   plot scene index 20 using 1:2 with lines lw 2 dt 2 lc rgb '#2ca02c' title 'line', \
     scene index b using 1:2 with filledcurves closed fs solid 0.25 border lc rgb '#555555' title 'vehicle', \
     scene index b+1 using 1:2 with linespoints lw 4 pt 7 ps 0.9 lc rgb '#1f77b4' title 'arm 1', \
     scene index b+2 using 1:2 with linespoints lw 4 pt 7 ps 0.9 lc rgb '#ff7f0e' title 'arm 2', \
-    scene index b+3 using 1:2 with lines lw 2 dt 3 lc rgb '#9467bd' title 'arm 2 points', \
+    scene index b+3 using 1:2 with lines lw 2.5 dt (6,5) lc rgb '#9467bd' title 'arm 2 points', \
     scene index b+4 using 1:2 with points pt 7 ps 1.6 lc rgb '#d62728' title 'reference'
   unset key
 }
@@ -36,7 +36,8 @@ csv = folder.'/line_nsb.csv'
 set terminal pngcairo size 1200,800 font 'sans,11' background 'white'
 set output folder.'/errors.png'
 unset title
-set key top right opaque box lc rgb '#dddddd'
+set key default
+set key inside top right vertical opaque
 set autoscale
 set xlabel 't (s)' offset 0,0.5
 array names[6] = ['tool position (m)', 'tool orientation (rad)', 'vehicle orientation (rad)', 'vertical distance (m)', 'field of view', 'first joint (rad)']
@@ -76,18 +77,19 @@ set key top left
 file(m) = folder.'/limit_'.word('nsb nsb_stops icat', m).'.csv'
 method(m) = m == 1 ? 'NSB' : m == 2 ? 'NSB, joints stop at their limits' : 'iCAT'
 style = '#1f77b4 #d62728 #2ca02c'
+width(m) = 6.6 - 1.6*m  # what lies below stays visible
 set multiplot layout 2,1 margins 0.08,0.98,0.08,0.94 spacing 0.08,0.13
 set title 'Third joint of arm 1'
 set ylabel 'q_{13} (deg)' offset 0,0
 set yrange [0:60]
 plot 30 with lines dt 2 lw 2 lc rgb '#555555' title 'limit', \
-  for [m=1:3] file(m) using 't':(column('q13')*180/pi) with lines lw 2 lc rgb word(style, m) title method(m)
+  for [m=1:3] file(m) using 't':(column('q13')*180/pi) with lines lw width(m) lc rgb word(style, m) title method(m)
 set title 'Tool: largest of the errors in x, y (m) and orientation (rad)'
 set ylabel 'error' offset 0,0
 set yrange [0:0.03]
 set key top right
 max3(a, b, c) = (a > b ? a : b) > c ? (a > b ? a : b) : c
 plot for [m=1:3] file(m) using 't':(max3(abs(column('error_x')), abs(column('error_y')), abs(column('error_psi')))) \
-  with lines lw 2 lc rgb word(style, m) title method(m)
+  with lines lw width(m) lc rgb word(style, m) title method(m)
 unset multiplot
 set output
