@@ -134,8 +134,8 @@ inline Order random_starts(int count) {
     s.length = 60 * s.speed;
     s.wait = 0;
     s.start.vehicle.z() = 10 * degree * u(rng);
-    s.start.q1 += Vector3(40 * u(rng), 40 * u(rng), 40 * u(rng)) * degree;
-    s.start.q2 += Vector2(60 * u(rng), 60 * u(rng)) * degree;
+    for (double& q : s.start.q1) q += 40 * degree * u(rng);
+    for (double& q : s.start.q2) q += 60 * degree * u(rng);
     const Result r = run_nsb(s, 0.02);
     const auto& c = r.converged;
     if (*std::max_element(c.begin(), c.end()) > 55) continue;

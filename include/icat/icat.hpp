@@ -27,6 +27,6 @@
 #include "icat/task/task.hpp"
 #include "icat/task/vehicle_tasks.hpp"
 #include "icat/tpik/null_space_guidance.hpp"
-include "icat/tpik/parametric_tpik.hpp"
+#include "icat/tpik/parametric_tpik.hpp"
 #include "icat/tpik/tpik.hpp"
 #include "icat/version.hpp"
