@@ -161,6 +161,27 @@ TYPED_TEST(NullSpaceGuidance, LowerTasksDoNotTouchHigherOnes) {
   }
 }
 
+// A row of which little is new: rounding must not tilt what the tasks below are projected on.
+TYPED_TEST(NullSpaceGuidance, NearlyDependentTasksStayOrthogonal) {
+  using Scalar = typename TypeParam::Scalar;
+  using Row = Eigen::Matrix<Scalar, 1, 6>;
+  const Scalar epsilon = std::numeric_limits<Scalar>::epsilon();
+  for (unsigned seed = 0; seed < 100; ++seed) {
+    Generator gen(seed);
+    const Row J1 = gen.matrix(1, 6).cast<Scalar>().normalized();
+    const Row J2 = J1 + 100 * std::sqrt(epsilon) * gen.matrix(1, 6).cast<Scalar>();
+    const icat::Vector<Scalar, 1> zero(Scalar(0));
+    auto solver = make<Scalar, TypeParam::N>(6);
+    solver.reset();
+    ASSERT_EQ(solver.add_task(J1, zero), Status::ok);
+    ASSERT_EQ(solver.add_task(J2, zero), Status::ok);
+    ASSERT_EQ(solver.add_task(gen.matrix(3, 6).cast<Scalar>().eval(),
+                              gen.matrix(3, 1).cast<Scalar>().eval()),
+              Status::ok);
+    EXPECT_LT(std::abs(J1.dot(solver.velocity())), 4 * epsilon * (1 + solver.velocity().norm()));
+  }
+}
+
 // The successive projection, (I − J₁⁺J₁)(I − J₂⁺J₂), is another formula: it lets task 3 disturb
 // task 2.
 TEST(NullSpaceGuidanceOnce, ProjectsOnTheNullSpaceOfAllRows) {
