@@ -42,6 +42,7 @@
 #include "icat/task/task.hpp"
 #include "icat/task/tool_velocity.hpp"
 #include "icat/task/vehicle_tasks.hpp"
+#include "icat/tpik/null_space_guidance.hpp"
 #include "icat/tpik/parametric_tpik.hpp"
 #include "icat/tpik/tpik.hpp"
 #include "icat/version.hpp"
