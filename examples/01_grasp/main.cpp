@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
-#include <memory>
 
+#include "../support.hpp"
 #include "mission.hpp"
 
 namespace {
@@ -103,23 +103,14 @@ void write_scene(const fs::path& file, const grasp::Result& r) {
 }
 
 bool draw(const fs::path& folder, const char* title, const grasp::Result& r) {
-  const std::unique_ptr<FILE, int (*)(FILE*)> gnuplot(popen("gnuplot 2>/dev/null", "w"), pclose);
-  if (!gnuplot) return false;
-  const auto quoted = [](std::string text) {
-    for (std::size_t i = 0; (i = text.find('\'', i)) != std::string::npos; i += 2) {
-      text.insert(i, 1, '\'');
-    }
-    return "'" + text + "'";
-  };
-  std::string script =
-      "folder = " + quoted(folder.string()) + "\nmission = " + quoted(title) + "\nactivations = '";
-  for (const auto& task : r.tasks) script += column_name(task) + ' ';
-  script += "'\nphase_names = '";
-  for (const auto& phase : r.phases) script += phase.first + ' ';
-  script += "'\nphase_times = '";
-  for (const auto& phase : r.phases) script += std::to_string(phase.second) + ' ';
-  script += "'\nload " + quoted(ICAT_PLOT_SCRIPT) + "\n";
-  return std::fputs(script.c_str(), gnuplot.get()) >= 0;
+  std::string variables = "folder = " + support::quoted(folder.string()) +
+                          "\nmission = " + support::quoted(title) + "\nactivations = '";
+  for (const auto& task : r.tasks) variables += column_name(task) + ' ';
+  variables += "'\nphase_names = '";
+  for (const auto& phase : r.phases) variables += phase.first + ' ';
+  variables += "'\nphase_times = '";
+  for (const auto& phase : r.phases) variables += std::to_string(phase.second) + ' ';
+  return support::draw(variables + "'");
 }
 
 void print(const NamedVariant& v, const grasp::Result& r, double seconds) {

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Runs the cooperative mission in still water, in a current, and with one solver for both robots;
 // prints its figures beside the paper's, writes CSV and, where gnuplot is found, pictures.
-#include <unistd.h>
-
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <ctime>
@@ -10,6 +8,7 @@
 #include <fstream>
 #include <map>
 
+#include "../support.hpp"
 #include "mission.hpp"
 
 namespace {
@@ -29,27 +28,6 @@ const std::vector<NamedVariant> variants{
      "sinusoidal current, the arms compensate",
      {.current = true, .compensation = true}},
     {"centralized", "still water, one solver for both", {.centralized = true}}};
-
-/// One line on a terminal, nothing elsewhere.
-class ProgressBar {
- public:
-  explicit ProgressBar(std::string title) : title_(std::move(title)) {}
-  ~ProgressBar() {
-    if (shown_ >= 0) std::fprintf(stderr, "\r%60s\r", "");
-  }
-  void operator()(double t) {
-    const int share = std::min(static_cast<int>(30 * t / 60), 30);
-    if (share == shown_ || isatty(STDERR_FILENO) == 0) return;
-    shown_ = share;
-    std::fprintf(stderr, "\r%-12s [%.*s%*s] %3.0f s", title_.c_str(), share,
-                 "##############################", 30 - share, "", t);
-    std::fflush(stderr);
-  }
-
- private:
-  std::string title_;
-  int shown_ = -1;
-};
 
 void write_csv(const fs::path& file, const cooperation::Result& r) {
   std::ofstream out(file);
@@ -125,23 +103,14 @@ void write_scene(const fs::path& file, const cooperation::Result& r) {
 }
 
 bool draw(const fs::path& folder, const char* title, const cooperation::Result& r) {
-  const std::unique_ptr<FILE, int (*)(FILE*)> gnuplot(popen("gnuplot 2>/dev/null", "w"), pclose);
-  if (!gnuplot) return false;
-  const auto quoted = [](std::string text) {
-    for (std::size_t i = 0; (i = text.find('\'', i)) != std::string::npos; i += 2) {
-      text.insert(i, 1, '\'');
-    }
-    return "'" + text + "'";
-  };
-  std::string script =
-      "folder = " + quoted(folder.string()) + "\nmission = " + quoted(title) + "\ntasks = '";
-  for (const char* task : cooperation::task_names) script += std::string(task) + ' ';
-  script += "'\nends = '";
-  for (const double end : r.ends) script += std::to_string(end) + ' ';
-  script += "'\nsnapshots = '";
-  for (const double t : snapshot_times(r)) script += std::to_string(t) + ' ';
-  script += "'\nload " + quoted(ICAT_PLOT_SCRIPT) + "\n";
-  return std::fputs(script.c_str(), gnuplot.get()) >= 0;
+  std::string variables = "folder = " + support::quoted(folder.string()) +
+                          "\nmission = " + support::quoted(title) + "\ntasks = '";
+  for (const char* task : cooperation::task_names) variables += std::string(task) + ' ';
+  variables += "'\nends = '";
+  for (const double end : r.ends) variables += std::to_string(end) + ' ';
+  variables += "'\nsnapshots = '";
+  for (const double t : snapshot_times(r)) variables += std::to_string(t) + ' ';
+  return support::draw(variables + "'");
 }
 
 void print_phases(const std::map<std::string, cooperation::Result>& results) {
@@ -226,8 +195,8 @@ int main(int argc, char** argv) {
     const std::clock_t begin = std::clock();
     double seconds = 0;
     {
-      ProgressBar bar(v.name);
-      results[v.name] = cooperation::run(v.variant, [&](double t) { bar(t); });
+      support::ProgressBar bar(v.name);
+      results[v.name] = cooperation::run(v.variant, [&](double t) { bar.show(t / 60); });
       seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
     }
     const auto& r = results[v.name];

@@ -5,9 +5,9 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
-#include <memory>
 #include <string>
 
+#include "../support.hpp"
 #include "mission.hpp"
 
 namespace {
@@ -78,16 +78,9 @@ void write_snapshots(const fs::path& file, const nsb::Scenario& scenario, const 
 }
 
 bool draw(const fs::path& folder) {
-  const std::unique_ptr<FILE, int (*)(FILE*)> gnuplot(popen("gnuplot 2>/dev/null", "w"), pclose);
-  if (!gnuplot) return false;
-  std::string quoted = folder.string();
-  for (std::size_t i = 0; (i = quoted.find('\'', i)) != std::string::npos; i += 2) {
-    quoted.insert(i, 1, '\'');
-  }
-  std::string script = "folder = '" + quoted + "'\ntimes = '";
-  for (const double t : snapshots) script += std::to_string(static_cast<int>(t)) + " ";
-  script += "'\nload '" ICAT_PLOT_SCRIPT "'\n";
-  return std::fputs(script.c_str(), gnuplot.get()) >= 0;
+  std::string variables = "folder = " + support::quoted(folder.string()) + "\ntimes = '";
+  for (const double t : snapshots) variables += std::to_string(static_cast<int>(t)) + " ";
+  return support::draw(variables + "'");
 }
 
 template <class Cell>

@@ -61,6 +61,7 @@ class PiLoop {
   /// @param reference     r
   /// @param measured      y
   /// @param feed_forward  f, unit of the output
+  /// @param dt            s
   Status update(const VectorN& reference, const VectorN& measured, const VectorN& feed_forward,
                 Scalar dt) noexcept {
     const VectorN error = reference - measured;

@@ -17,12 +17,14 @@
 ///
 /// One Cholesky factor of 13 × 13 and two of 6 × 6 per robot's worth of work, nothing larger.
 ///
-/// **Interaction.** Only w_a + w_b moves the object. Of all pairs with that sum the one of least
-/// norm is half of it each, and the rest,
+/// **Interaction.** Only the resultant of both wrenches moves the object. With each wrench taken at
+/// its grasp, the end-effector's origin p_i, [f_i; m_i], the resultant is G x, x = [f_a; m_a; f_b;
+/// m_b], G = [I 0 I 0; [p_a]× I [p_b]× I]. Of all x with that resultant the one of least norm (N
+/// and N m alike) carries the load; the rest is internal and does not move it:
 ///
-///     w_a = (w_a + w_b)/2 + w_int,   w_b = (w_a + w_b)/2 − w_int,   w_int = (w_a − w_b)/2,
+///     x_int = x − Gᵀ (G Gᵀ)⁻¹ G x,     interaction = (x_int,a − x_int,b)/2
 ///
-/// is the part that does not move it: what robot a presses against robot b through the object.
+/// what robot a presses against robot b through the object: no part of a load they share evenly.
 #pragma once
 
 #include "icat/sim/hydrodynamic_plant.hpp"
@@ -139,8 +141,26 @@ class GraspedObjectPlant {
   /// w_i, which robot `i` exerted on the object in the last step: [N; N m] at the origin of ⟨o⟩,
   /// components on ⟨o⟩.
   const Vector6<Scalar>& wrench(std::size_t i) const noexcept { return wrenches_[i]; }
-  /// w_int, see the file comment.
-  Vector6<Scalar> interaction() const noexcept { return (wrenches_[0] - wrenches_[1]) / Scalar(2); }
+  /// Of the last step: [N; N m], components on ⟨o⟩, see the file comment.
+  Vector6<Scalar> interaction() const noexcept {
+    Eigen::Matrix<Scalar, 6, 12> G;
+    Vector<Scalar, 12> x;
+    for (std::size_t i = 0; i < 2; ++i) {
+      const Vector3<Scalar> p = grasps_[i].inverse(Eigen::Isometry).translation();
+      const Index at = static_cast<Index>(6 * i);
+      G.template middleCols<6>(at).setIdentity();
+      G.template block<3, 3>(3, at) = skew(p);
+      x.template segment<6>(at) = wrenches_[i];
+      x.template segment<3>(at + 3) -= p.cross(wrenches_[i].template head<3>());
+    }
+    const Matrix6<Scalar> GGt = G.lazyProduct(G.transpose());
+    Vector6<Scalar> load = G.lazyProduct(x);
+    detail::Cholesky<Scalar, 6> factor;
+    if (!factor.compute(GGt)) return Vector6<Scalar>::Zero();  // never: it has full rank
+    factor.solve(load);
+    x -= G.transpose().lazyProduct(load);
+    return (x.template head<6>() - x.template tail<6>()) / Scalar(2);
+  }
   /// How far ⟨t_i⟩ has come off ⟨o⟩: position (m) and rotation vector (rad), components on ⟨o⟩.
   Vector6<Scalar> drift(std::size_t i) const noexcept {
     return difference(pose_, tip(i) * grasps_[i]);

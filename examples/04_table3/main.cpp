@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Runs the rows of [Coop, Table III], prints the paper's table beside its own, writes CSV and,
+// where gnuplot is found, pictures. With --sensitivity: how the table changes with two choices.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+
+#include "../support.hpp"
+#include "table.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+
+const char* yes(bool b) { return b ? "yes" : "no"; }
+
+void print(const table3::Table& t) {
+  std::printf(
+      "| test | comp. | comms | filter | force mod. | fbk Hz | final error | F max | F mean | F "
+      "std "
+      "| M max | M mean | M std | x real time "
+      "|\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
+  for (std::size_t i = 0; i < t.results.size(); ++i) {
+    const auto& row = table3::rows[i];
+    const auto& r = t.results[i];
+    char comms[32] = "no";
+    if (row.rate > 0) {
+      std::snprintf(comms, sizeof comms, "%s %.0f Hz%s",
+                    row.duplex == icat::Duplex::full ? "FD" : "HD", row.rate,
+                    row.latency > 0 ? ", late" : "");
+    }
+    std::printf("| %s | %s | %s | %s | %s | %.0f |", row.name, yes(row.compensation), comms,
+                yes(row.filter), yes(row.force), row.feedback);
+    if (r.aborted) {
+      std::printf(" aborted at %.1f s | %.2f | | | | | |", r.end, r.force.max);
+    } else {
+      std::printf(" %.4f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f |", r.final_error, r.force.max,
+                  r.force.mean, r.force.deviation, r.moment.max, r.moment.mean, r.moment.deviation);
+    }
+    std::printf(" %.0f |\n", t.real_time[i]);
+    if (i < table3::published.size()) {
+      const auto& p = table3::published[i];
+      if (p.force_max > 0) {
+        std::printf("| paper | | | | | | %.4f | %.2f | %.2f | %.2f | %.2f | %.2f | %.2f | |\n",
+                    p.final_error, p.force_max, p.force_mean, p.force_std, p.moment_max,
+                    p.moment_mean, p.moment_std);
+      } else {
+        std::printf("| paper | | | | | | aborted | | | | | | | |\n");
+      }
+    }
+  }
+  std::printf("\n| must hold | |\n|---|---|\n");
+  for (const auto& relation : table3::relations(t)) {
+    std::printf("| %s | %s |\n", relation.text, relation.holds ? "yes" : "NO");
+  }
+  const auto c = table3::correlations(t);
+  std::printf("| rank correlation with the paper, F mean (at least 0.85) | %.2f |\n", c.force_mean);
+  std::printf("| F max (at least 0.8) | %.2f |\n", c.force_max);
+  std::printf("| M mean (at least 0.7) | %.2f |\n", c.moment_mean);
+  double peak = 0, mean = 0, drift = 0;
+  for (const auto& r : t.results) {
+    peak = std::max(peak, r.thrust_peak);
+    mean = std::max(mean, r.thrust_mean);
+    drift = std::max(drift, r.drift);
+  }
+  std::printf("| vehicle force along an axis, largest of all rows: peak, mean | %.0f N, %.0f N |\n",
+              peak, mean);
+  std::printf("| drift of the grasps, at most | %.1e m |\n", drift);
+}
+
+void write_csv(const fs::path& file, const table3::Result& r) {
+  std::ofstream out(file);
+  out.precision(7);
+  out << "t,fx,fy,fz,mx,my,mz,force,moment,position_error,orientation_error,object_speed";
+  for (const char* robot : {"a", "b"}) {
+    for (const char* c : {"vx", "vy", "vz", "wx", "wy", "wz"})
+      out << ",agreed_" << c << '_' << robot;
+    for (const char* c : {"fx", "fy", "fz"}) out << ",thrust_" << c << '_' << robot;
+  }
+  out << '\n';
+  for (const auto& s : r.samples) {
+    out << s.t;
+    for (int i = 0; i < 6; ++i) out << ',' << s.interaction(i);
+    out << ',' << s.interaction.head<3>().norm() << ',' << s.interaction.tail<3>().norm() << ','
+        << s.position_error << ',' << s.orientation_error << ',' << s.object_speed;
+    for (std::size_t i = 0; i < 2; ++i) {
+      for (int j = 0; j < 6; ++j) out << ',' << s.agreed[i](j);
+      for (int j = 0; j < 3; ++j) out << ',' << s.vehicle_wrench[i](j);
+    }
+    out << '\n';
+  }
+}
+
+void sensitivity(const fs::path& folder) {
+  struct Choice {
+    const char* name;
+    double table3::Parameters::*member;
+    std::vector<double> values;
+  };
+  const std::vector<Choice> choices{
+      {"joint_bandwidth", &table3::Parameters::joint_bandwidth, {50, 70, 100, 120}},
+      {"joint_speed", &table3::Parameters::joint_speed, {0.1, 0.15, 0.25, 0.5}}};
+  std::ofstream csv(folder / "sensitivity.csv");
+  csv << "choice,value";
+  for (int i = 1; i <= 11; ++i) csv << ",T" << i;
+  csv << '\n';
+  std::printf(
+      "\nF mean (N; - where aborted), and how many of the relations hold\n\n| | T1 | T2 | T3 | T4 "
+      "| T5 | T6 | T7 | T8 | T9 | T10 | T11 | hold "
+      "|\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
+  for (const auto& choice : choices) {
+    for (const double value : choice.values) {
+      table3::Parameters p;
+      p.*choice.member = value;
+      support::ProgressBar bar(choice.name);
+      const auto t = table3::run_all(p, 11, [&](double share) { bar.show(share); });
+      std::printf("| %s = %g |", choice.name, value);
+      csv << choice.name << ',' << value;
+      for (int i = 1; i <= 11; ++i) {
+        csv << ',' << t[i].force.mean;
+        if (t[i].aborted) {
+          std::printf(" - |");
+        } else {
+          std::printf(" %.2f |", t[i].force.mean);
+        }
+      }
+      csv << '\n';
+      const auto all = table3::relations(t);
+      std::printf(" %d of %zu |\n",
+                  static_cast<int>(
+                      std::count_if(all.begin(), all.end(), [](const auto& r) { return r.holds; })),
+                  all.size());
+    }
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"The hydrodynamic runs of Table III: two vehicles carry a pipe."};
+  std::string output = "out/04_table3";
+  bool no_pictures = false, study = false;
+  app.add_option("--output", output, "folder of the CSV files and pictures")->capture_default_str();
+  app.add_flag("--no-pictures", no_pictures, "do not call gnuplot");
+  app.add_flag("--sensitivity", study, "vary the two most influential choices, too");
+  CLI11_PARSE(app, argc, argv);
+
+  table3::Table t;
+  {
+    support::ProgressBar bar("Table III");
+    t = table3::run_all({}, table3::rows.size(), [&](double share) { bar.show(share); });
+  }
+  print(t);
+  fs::create_directories(output);
+  std::string names;
+  for (std::size_t i = 0; i < t.results.size(); ++i) {
+    std::string name = table3::rows[i].name;
+    std::replace(name.begin(), name.end(), ' ', '_');
+    write_csv(fs::path(output) / (name + ".csv"), t.results[i]);
+    names += name + ' ';
+  }
+  if (study) sensitivity(output);
+  const bool drawn =
+      !no_pictures && support::draw("folder = " + support::quoted(output) + "\nrows = '" + names +
+                                    "'\nstudy = " + (study ? "1" : "0"));
+  std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", output.c_str());
+  bool all_well = true;
+  for (const auto& r : t.results) all_well = all_well && r.status == icat::Status::ok;
+  return all_well ? 0 : 1;
+}

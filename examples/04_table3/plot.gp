@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# The program sets: folder, rows, study.
+set datafile separator comma
+set terminal pngcairo size 1400,1000 font 'sans,11' background 'white'
+set output folder.'/forces.png'
+set grid lc rgb '#dddddd'
+set xlabel 't (s)'
+set logscale y
+set yrange [0.01:300]
+set multiplot layout 2,2 title 'Interaction with the pipe over time'
+set key outside right
+set title 'force, without the force modification'
+set ylabel 'N'
+plot for [i=1:6] folder.'/'.word(rows,i).'.csv' using 't':'force' with lines lw 1.5 title word(rows,i)
+set title 'force, with it'
+plot for [i=7:11] folder.'/'.word(rows,i).'.csv' using 't':'force' with lines lw 1.5 title word(rows,i)
+set title 'moment, without the force modification'
+set ylabel 'N m'
+plot for [i=1:6] folder.'/'.word(rows,i).'.csv' using 't':'moment' with lines lw 1.5 title word(rows,i)
+set title 'moment, with it'
+plot for [i=7:11] folder.'/'.word(rows,i).'.csv' using 't':'moment' with lines lw 1.5 title word(rows,i)
+unset multiplot
+if (study) {
+  set output folder.'/sensitivity.png'
+  set terminal pngcairo size 1200,500 font 'sans,11' background 'white'
+  set multiplot layout 1,2 title 'Mean interaction force of each row'
+  set yrange [0.02:200]
+  set ylabel 'F mean (N)'
+  set xtics ('T1' 1, 'T2' 2, 'T3' 3, 'T4' 4, 'T5' 5, 'T6' 6, 'T7' 7, 'T8' 8, 'T9' 9, 'T10' 10, 'T11' 11)
+  set xrange [0.5:11.5]
+  unset xlabel
+  set key top right inside
+  csv = folder.'/sensitivity.csv'
+  set title 'bandwidth of the joint loops (rad/s)'
+  plot for [k=1:4] csv every ::k::k matrix using ($1-1):($1 > 1 ? $3 : NaN) with linespoints pt 7 title word('50 70 100 120', k)
+  set title 'bound of the joint speeds (rad/s)'
+  plot for [k=5:8] csv every ::k::k matrix using ($1-1):($1 > 1 ? $3 : NaN) with linespoints pt 7 title word('0.1 0.15 0.25 0.5', k-4)
+  unset multiplot
+}
+set output
