@@ -134,8 +134,8 @@ TEST_F(Allocation, NoneInTheCooperation) {
                   }
                   check(agent_a.propose(t));
                   check(agent_b.propose(t));
-                  check(agent_a.receive(1, agent_b.send()));
-                  check(agent_b.receive(0, agent_a.send()));
+                  check(agent_a.receive(1, k, agent_b.send(k)));
+                  check(agent_b.receive(0, k, agent_a.send(k)));
                   check(agent_a.step(t));
                   check(agent_b.step(t));
                   check(agent_a.step_arm_law(t));

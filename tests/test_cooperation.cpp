@@ -85,37 +85,22 @@ Vector6 twist(double x, double y, double z, double wx = 0, double wy = 0, double
 
 TEST(Fusion, Policies) {
   const std::vector<Vector6> said{twist(1, 0, 0), twist(0, 2, 0, 0, 0, 0.5)};
-  const icat::Proposals<double> p{said, {}, twist(1, 0, 0)};
-  EXPECT_EQ(icat::fusion::mean<double>()(p), (said[0] + said[1]) / 2);
-  EXPECT_LT((icat::fusion::convex_combination<double>({0.25, 0.75})(p) -
+  const std::vector<double> difficulties{0, 0.5};
+  const icat::Proposals<double> p{said, {}, difficulties};
+  EXPECT_EQ(icat::fusion::mean<double>().fuse(p), (said[0] + said[1]) / 2);
+  EXPECT_LT((icat::fusion::convex_combination<double>({0.25, 0.75}).fuse(p) -
              (0.25 * said[0] + 0.75 * said[1]))
                 .norm(),
             1e-15);
-  // The first is not hindered at all, so all goes to the second.
-  EXPECT_EQ(icat::fusion::difficulty_weighted<double>()(p), said[1]);
-  const icat::Proposals<double> q{said, {}, twist(0.5, 0, 0)};
-  const double d0 = 0.5, d1 = twist(-0.5, 2, 0, 0, 0, 0.5 * 2).norm();
-  EXPECT_LT(
-      (icat::fusion::difficulty_weighted<double>(2)(q) - (d0 * said[0] + d1 * said[1]) / (d0 + d1))
-          .norm(),
-      1e-15);
+  // The first is not hindered at all, so nearly all goes to the second.
+  const auto policy = icat::fusion::difficulty_weighted<double>(1e-3);
+  EXPECT_TRUE(policy.difficulties);
+  EXPECT_LT((policy.fuse(p) - (1e-3 * said[0] + 0.501 * said[1]) / 0.502).norm(), 1e-15);
+  const std::vector<double> none{0, 0};
+  EXPECT_LT((policy.fuse({said, {}, none}) - (said[0] + said[1]) / 2).norm(), 1e-15);
   EXPECT_THROW(icat::fusion::convex_combination<double>({0.5, 0.6}), std::invalid_argument);
   EXPECT_THROW(icat::fusion::convex_combination<double>({1.5, -0.5}), std::invalid_argument);
   EXPECT_THROW(icat::fusion::difficulty_weighted<double>(0), std::invalid_argument);
-}
-
-// The weights have no limit where nobody is hindered; the velocity has one.
-TEST(Fusion, DifficultyWeightsDoNotJumpWhereNobodyIsHindered) {
-  const auto policy = icat::fusion::difficulty_weighted<double>();
-  const Vector6 desired = twist(0.3, 0.1, -0.2, 0.1, 0, 0);
-  EXPECT_EQ(policy({std::vector<Vector6>{desired, desired}, {}, desired}), desired);
-  std::mt19937 gen(1);
-  std::normal_distribution<double> n(0, 1e-6);
-  for (int i = 0; i < 100; ++i) {
-    const std::vector<Vector6> said{desired + Vector6::NullaryExpr([&] { return n(gen); }),
-                                    desired + Vector6::NullaryExpr([&] { return n(gen); })};
-    EXPECT_LT((policy({said, {}, desired}) - desired).norm(), 2e-5);
-  }
 }
 
 TEST(Fusion, SpanIntersection) {
@@ -125,32 +110,32 @@ TEST(Fusion, SpanIntersection) {
   std::vector<Matrix6> spans(2, Matrix6::Identity());
   const std::vector<Vector6> said{a, b};
   // Free agents: what the policy says.
-  EXPECT_LT((intersection.nearest(mean, {said, spans, a}) - mean).norm(), 1e-12);
+  EXPECT_LT((intersection.nearest(mean, {said, spans, {}}) - mean).norm(), 1e-12);
   // a cannot give way along z, b not about x: each gets its own there, the mean elsewhere.
   spans[0](2, 2) = 0;
   spans[1](3, 3) = 0;
   Vector6 expected = mean;
   expected(2) = a(2);
   expected(3) = b(3);
-  EXPECT_LT((intersection.nearest(mean, {said, spans, a}) - expected).norm(), 1e-12);
+  EXPECT_LT((intersection.nearest(mean, {said, spans, {}}) - expected).norm(), 1e-12);
   // Both along z: nothing satisfies both; half way.
   spans[1](2, 2) = 0;
   expected(2) = mean(2);
-  EXPECT_LT((intersection.nearest(mean, {said, spans, a}) - expected).norm(), 1e-12);
+  EXPECT_LT((intersection.nearest(mean, {said, spans, {}}) - expected).norm(), 1e-12);
   // Smooth in between.
   Vector6 last =
-      intersection.nearest(mean, {said, std::vector<Matrix6>(2, Matrix6::Identity()), a});
+      intersection.nearest(mean, {said, std::vector<Matrix6>(2, Matrix6::Identity()), {}});
   for (int k = 0; k <= 10000; ++k) {
     spans.assign(2, Matrix6::Identity());
     spans[0](2, 2) = 1 - icat::smooth_step(k / 10000.0);
-    const Vector6 v = intersection.nearest(mean, {said, spans, a});
+    const Vector6 v = intersection.nearest(mean, {said, spans, {}});
     EXPECT_LT((v - last).norm(), 0.01) << k;
     last = v;
   }
   EXPECT_NEAR(last(2), a(2), 1e-12);
   // Bad input.
   spans[0](0, 0) = NAN;
-  EXPECT_EQ(intersection.nearest(mean, {said, spans, a}), Vector6::Zero());
+  EXPECT_EQ(intersection.nearest(mean, {said, spans, {}}), Vector6::Zero());
 }
 
 // --- agreement -----------------------------------------------------------------------------------
@@ -174,11 +159,11 @@ TEST(Agreement, AllComeToTheSameBits) {
           ASSERT_EQ(agents[i].propose(said[i], Vector6::Zero()), Status::ok);
         }
         for (std::size_t i = 0; i < count; ++i) {
-          const auto bytes = agents[i].send();
+          const auto bytes = agents[i].send(round);
           ASSERT_EQ(bytes.size(), spans ? 168u : 24u);
           for (std::size_t j = 0; j < count; ++j) {
             if (j != i) {
-              ASSERT_EQ(agents[j].receive(i, bytes), Status::ok);
+              ASSERT_EQ(agents[j].receive(i, round, bytes), Status::ok);
             }
           }
         }
@@ -195,6 +180,59 @@ TEST(Agreement, AllComeToTheSameBits) {
   }
 }
 
+// A message that is lost, doubled or late, or an agent that starts late, spoils its own round only.
+TEST(Agreement, ASpoiledRoundDoesNotSpoilTheNext) {
+  enum class Fault { lost_there, lost_back, doubled, late, late_start };
+  for (const Fault fault :
+       {Fault::lost_there, Fault::lost_back, Fault::doubled, Fault::late, Fault::late_start}) {
+    Agreement a(Options{.fade = 0.01}), b(Options{.index = 1, .fade = 0.01});
+    std::vector<std::byte> kept;
+    int apart = 0;
+    for (int k = 0; k < 200; ++k) {
+      const double t = 0.01 * k;
+      ASSERT_EQ(a.propose(twist(std::sin(t), 0, 0), Vector6::Zero()), Status::ok);
+      ASSERT_EQ(b.propose(twist(std::cos(t), 0, 0), Vector6::Zero()), Status::ok);
+      const bool now = k == 100;
+      const auto from_a = a.send(k);
+      if (!(now && fault == Fault::lost_there)) {
+        ASSERT_EQ(b.receive(0, k, from_a), Status::ok);
+      }
+      if (fault == Fault::late_start && k < 20) continue;
+      const auto from_b = b.send(k);
+      if (now && fault == Fault::late) {
+        kept.assign(from_b.begin(), from_b.end());
+      } else if (!(now && fault == Fault::lost_back)) {
+        ASSERT_EQ(a.receive(1, k, from_b), Status::ok);
+      }
+      if (now && fault == Fault::doubled) {
+        ASSERT_EQ(a.receive(1, k, from_b), Status::ok);
+      }
+      if (k == 103 && fault == Fault::late) {
+        ASSERT_EQ(a.receive(1, 100, kept), Status::ok);
+      }
+      (void)a.update(t);
+      (void)b.update(t);
+      if (k > 25 && a.velocity() != b.velocity()) ++apart;
+      if (k > 25) {
+        EXPECT_NEAR(a.velocity()(0), (std::sin(t) + std::cos(t)) / 2, 0.02);
+      }
+    }
+    EXPECT_LE(apart, 1) << static_cast<int>(fault);
+  }
+}
+
+TEST(Agreement, ARefusedProposalIsNotSentAndTimeDoesNotRunBackwards) {
+  Agreement agent(Options{.fade = 0.1});
+  ASSERT_EQ(agent.propose(twist(1, 0, 0), Vector6::Zero()), Status::ok);
+  EXPECT_EQ(agent.send(0).size(), 24u);
+  EXPECT_EQ(agent.receive(1, 0, agent.send(0)), Status::ok);
+  for (const double t : {0.0, 0.05, 0.2}) (void)agent.update(t);
+  EXPECT_EQ(agent.velocity(), twist(1, 0, 0));
+  EXPECT_EQ(agent.update(0.0), twist(1, 0, 0));
+  EXPECT_EQ(agent.propose(Vector6::Constant(1e39), Vector6::Zero()), Status::non_finite);
+  EXPECT_TRUE(agent.send(1).empty());
+}
+
 /// What agent 0 commands while agent 1 falls silent after 1 s and speaks again at 4 s.
 std::vector<Vector6> silence(icat::Fallback fallback, double dt) {
   Agreement agent(Options{.hold = 0.5, .fallback = fallback, .fade = 1});
@@ -205,9 +243,9 @@ std::vector<Vector6> silence(icat::Fallback fallback, double dt) {
   for (int k = 0; k * dt < 7; ++k) {
     const double t = k * dt;
     if (t <= 1 || t > 4) {
-      EXPECT_EQ(agent.receive(1, other.send()), Status::ok);
+      EXPECT_EQ(agent.receive(1, k, other.send(k)), Status::ok);
     }
-    EXPECT_EQ(agent.send().size(), 24u);
+    EXPECT_EQ(agent.send(k).size(), 24u);
     commanded.push_back(agent.update(t));
   }
   return commanded;
@@ -234,29 +272,30 @@ TEST(Agreement, HoldsThenFallsBackThenReturns) {
 TEST(Agreement, ABadMessageIsNoMessage) {
   Agreement agent(Options{.hold = 0.5, .fade = 0.1});
   ASSERT_EQ(agent.propose(twist(1, 0, 0), Vector6::Zero()), Status::ok);
-  (void)agent.send();
+  (void)agent.send(0);
   const std::array<std::byte, 23> shorter{};
   std::array<std::byte, 24> nan;
   nan.fill(std::byte{0xff});
-  EXPECT_EQ(agent.receive(1, shorter), Status::wrong_size);
-  EXPECT_EQ(agent.receive(1, nan), Status::non_finite);
+  EXPECT_EQ(agent.receive(1, 0, shorter), Status::wrong_size);
+  EXPECT_EQ(agent.receive(1, 0, nan), Status::non_finite);
   const std::array<std::byte, 24> good{};
-  EXPECT_EQ(agent.receive(0, good), Status::unknown_agent);  // itself
-  EXPECT_EQ(agent.receive(2, good), Status::unknown_agent);
+  EXPECT_EQ(agent.receive(0, 0, good), Status::unknown_agent);  // itself
+  EXPECT_EQ(agent.receive(2, 0, good), Status::unknown_agent);
   (void)agent.update(0);
   EXPECT_FALSE(agent.agreed());
-  EXPECT_EQ(agent.receive(1, good), Status::ok);
+  EXPECT_EQ(agent.receive(1, 0, good), Status::ok);
   (void)agent.update(0.01);
   EXPECT_TRUE(agent.agreed());
 }
 
 TEST(Agreement, StaysFinite) {
-  Agreement agent(Options{.policy = [](const auto&) { return Vector6::Constant(NAN).eval(); }});
+  Agreement agent(
+      Options{.policy = {.fuse = [](const auto&) { return Vector6::Constant(NAN).eval(); }}});
   EXPECT_EQ(agent.propose(Vector6::Constant(NAN), Vector6::Zero()), Status::non_finite);
-  EXPECT_TRUE(agent.send().empty());
+  EXPECT_TRUE(agent.send(0).empty());
   ASSERT_EQ(agent.propose(twist(1, 0, 0), Vector6::Zero()), Status::ok);
-  (void)agent.send();
-  EXPECT_EQ(agent.receive(1, std::array<std::byte, 24>{}), Status::ok);
+  (void)agent.send(0);
+  EXPECT_EQ(agent.receive(1, 0, std::array<std::byte, 24>{}), Status::ok);
   EXPECT_TRUE(agent.update(0).allFinite());
   EXPECT_FALSE(agent.agreed());
   EXPECT_TRUE(agent.update(NAN).allFinite());
@@ -266,7 +305,10 @@ TEST(Agreement, StaysFinite) {
 TEST(Agreement, RefusesBadOptions) {
   EXPECT_THROW(Agreement(Options{.agents = 1}), std::invalid_argument);
   EXPECT_THROW(Agreement(Options{.agents = 2, .index = 2}), std::invalid_argument);
+  EXPECT_THROW(Agreement(Options{.agents = static_cast<std::size_t>(-1)}), std::invalid_argument);
   EXPECT_THROW(Agreement(Options{.policy = {}}), std::invalid_argument);
+  EXPECT_THROW(Agreement(Options{.policy = icat::fusion::convex_combination<double>({1.0})}),
+               std::invalid_argument);
   EXPECT_THROW(Agreement(Options{.hold = 0}), std::invalid_argument);
   EXPECT_THROW(Agreement(Options{.fade = -1}), std::invalid_argument);
 }
@@ -327,9 +369,10 @@ struct Pair {
     }
   }
   void cycle(double t, const Vector6& measured = Vector6::Zero()) {
+    const long long round = round_++;
     for (auto& agent : agents) ASSERT_EQ(agent->propose(t, measured), Status::ok);
-    ASSERT_EQ(agents[1]->receive(0, agents[0]->send()), Status::ok);
-    ASSERT_EQ(agents[0]->receive(1, agents[1]->send()), Status::ok);
+    ASSERT_EQ(agents[1]->receive(0, round, agents[0]->send(round)), Status::ok);
+    ASSERT_EQ(agents[0]->receive(1, round, agents[1]->send(round)), Status::ok);
     for (auto& agent : agents) ASSERT_EQ(agent->step(t, measured), Status::ok);
   }
   Vector6 tool_velocity(std::size_t i) const {
@@ -338,6 +381,7 @@ struct Pair {
   }
   Holder a, b;
   std::vector<std::unique_ptr<icat::Agent<Robot>>> agents;
+  long long round_ = 0;
 };
 
 TEST(Agent, BothCommandTheAgreedToolVelocity) {
@@ -449,8 +493,8 @@ TEST(Agent, FilterAndCorrection) {
   for (int k = 0; k <= 100; ++k) {
     pair.cycle(dt * k);
     ASSERT_EQ(slow.propose(dt * k), Status::ok);
-    (void)slow.send();
-    ASSERT_EQ(slow.receive(1, pair.agents[1]->send()), Status::ok);
+    (void)slow.send(k);
+    ASSERT_EQ(slow.receive(1, k, pair.agents[1]->send(k)), Status::ok);
     const Vector6 correction = twist(0, 0.01, 0);
     ASSERT_EQ(slow.step(dt * k, Vector6::Zero(), correction), Status::ok);
     const Vector6 commanded = pair.a.robot.tool_jacobian(icat::Frame::tool) * slow.velocity();
@@ -472,6 +516,13 @@ TEST(Agent, RefusesWhatCannotBeShared) {
   EXPECT_NO_THROW(with({}));
   EXPECT_THROW(with({{"fly", h.tool}}), std::invalid_argument);
   EXPECT_THROW(with({{"carry", h.tool}, {"carry", h.tool}}), std::invalid_argument);
+  icat::task::ToolPose<Robot> norm(
+      h.robot, icat::task::PoseTaskOptions<double>{.norms = icat::task::PoseNorms<double>{}});
+  const auto norm_form = [&] {
+    icat::Agent<Robot> agent(h.robot, {{"carry", {{norm}}}}, {{"carry", norm}},
+                             icat::Agent<Robot>::Options{});
+  };
+  EXPECT_THROW(norm_form(), std::invalid_argument);
   icat::task::ToolPose<Robot> other(h.robot, icat::task::PoseTaskOptions<double>{});
   EXPECT_THROW(with({{"carry", other}}), std::invalid_argument);
 }
@@ -490,6 +541,56 @@ TEST(Agent, ABadCycleKeepsItFinite) {
   EXPECT_EQ(agent.step(0.06), Status::ok);  // goes on with what was agreed
   EXPECT_TRUE(agent.velocity().allFinite());
   EXPECT_EQ(agent.switch_to("fly", 0.06, 1), Status::unknown_action);
+}
+
+// What is not actuated cannot give way: the joints that a safety task holds must stay.
+TEST(Agent, SpansKnowWhatIsNotActuated) {
+  for (const bool actuated : {true, false}) {
+    Holder a(0.3, -10, twist(0.3, 0.2, 0.1)), b(2.5, -10, twist(-0.2, 0.1, 0.3));
+    icat::task::FunctionTask<Robot> lock(a.robot,
+                                         {.name = "lock",
+                                          .rows = 2,
+                                          .evaluate =
+                                              [](const Robot& r, auto& x, auto& J) {
+                                                x << r.q()(1), r.q()(3);
+                                                J(0, 1) = J(1, 3) = 1;
+                                              },
+                                          .objective = icat::Objective<double>::at_least(5, 0.1),
+                                          .gain = 1e-9});
+    const std::vector<icat::Action<Robot>> actions{{"carry", {{lock}, {a.tool}}}};
+    icat::Agent<Robot>::Options options;
+    options.agreement.spans = true;
+    options.agreement.fade = 0.01;
+    options.controller.actuated.fill(actuated);
+    icat::Agent<Robot> first(a.robot, actions, {{"carry", a.tool}}, options);
+    options.agreement.index = 1;
+    options.controller.actuated.fill(true);
+    icat::Agent<Robot> second(b.robot, b.actions(), {{"carry", b.tool}}, options);
+    ASSERT_EQ(first.start("carry", 0), Status::ok);
+    ASSERT_EQ(second.start("carry", 0), Status::ok);
+    for (int k = 0; k < 5; ++k) {
+      ASSERT_EQ(first.propose(0.01 * k), Status::ok);
+      ASSERT_EQ(second.propose(0.01 * k), Status::ok);
+      ASSERT_EQ(second.receive(0, k, first.send(k)), Status::ok);
+      ASSERT_EQ(first.receive(1, k, second.send(k)), Status::ok);
+      ASSERT_EQ(first.step(0.01 * k), Status::ok);
+    }
+    EXPECT_GT(first.velocity().norm(), 1e-3);
+    // 0.3 rad/s if the vehicle counted as free; what is left is the regularization of a short arm.
+    EXPECT_NEAR(first.velocity()(1), 0, 0.02) << actuated;
+    EXPECT_NEAR(first.velocity()(3), 0, 0.02) << actuated;
+  }
+}
+
+TEST(Agent, StepReportsWhatTheControllerReports) {
+  Pair pair(false);
+  auto& agent = *pair.agents[0];
+  EXPECT_EQ(agent.step(0), Status::not_started);
+  ASSERT_EQ(agent.start("alone", 1), Status::ok);
+  ASSERT_EQ(agent.propose(1), Status::ok);
+  EXPECT_EQ(agent.step(1), Status::ok);
+  EXPECT_EQ(agent.step(NAN), Status::non_finite);
+  EXPECT_EQ(agent.step(0.5), Status::time_reversed);
 }
 
 // --- centralised ---------------------------------------------------------------------------------

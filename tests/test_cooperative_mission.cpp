@@ -79,17 +79,22 @@ TEST(CooperativeMission, CentralizedBaseline) {
   if (sanitized) GTEST_SKIP();
   const Result r = run({.centralized = true});
   expect_success(r);
-  EXPECT_GT(r.bits_per_second, 100 * 192 / dt);
+  EXPECT_GT(r.bits_per_second, 50 * 192 / dt);
 }
 
-TEST(CooperativeMission, VelocitiesStayInsideTheirBounds) {
+// Whatever the agents agree on by: both tools move as one.
+TEST(CooperativeMission, WithOtherPolicies) {
   if (sanitized) GTEST_SKIP();
-  for (const auto& s : run({}).samples) {
-    for (const auto& robot : s.robots) {
-      ASSERT_LE(robot.command.head<7>().cwiseAbs().maxCoeff(), joint_speed);
-      ASSERT_LE(robot.command.segment<3>(7).cwiseAbs().maxCoeff(), vehicle_speed);
-      ASSERT_LE(robot.command.tail<3>().cwiseAbs().maxCoeff(), vehicle_turn);
-    }
+  for (const auto& [policy, spans] :
+       {std::pair{icat::fusion::difficulty_weighted<double>(), false},
+        std::pair{icat::fusion::convex_combination<double>({0.3, 0.7}), false},
+        std::pair{icat::fusion::mean<double>(), true}}) {
+    const Result r = run({.policy = policy, .spans = spans});
+    expect_safe(r);
+    EXPECT_TRUE(r.finished);
+    EXPECT_LT(r.mismatch, 1e-9);
+    EXPECT_LT(r.drift, 2e-3);
+    EXPECT_LT(r.deployment_position, 1e-3);
   }
 }
 

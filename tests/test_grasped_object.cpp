@@ -240,9 +240,9 @@ TEST(Interaction, IsZeroWhereBothDoTheSame) {
   EXPECT_GT(pair.wrench(0).norm(), 10);
 }
 
-// Mirrored robots that lift: neither presses along the pipe nor shears it; what is left is the
-// moment that bends it, and that the mirror turns into its opposite.
-TEST(Interaction, OfAMirroredLiftIsPureBending) {
+// Mirrored robots that lift share the load evenly: nothing of it is internal, though each has its
+// lever.
+TEST(Interaction, OfAMirroredLiftIsNone) {
   auto description = maris_description();
   Plant::State a, b;
   a.q << 0, 0.6, 0, -1.2, 0, 0.5, 0;
@@ -257,12 +257,9 @@ TEST(Interaction, OfAMirroredLiftIsPureBending) {
   VectorN lift = VectorN::Zero();
   lift.tail<6>() << 0, 0, -200, 0, 0, 0;
   for (int k = 0; k < 1000; ++k) ASSERT_EQ(pair.step(lift, lift, dt), Status::ok);
-  const Eigen::Vector3d w = pair.object().linear() * pair.interaction().head<3>();
-  const Eigen::Vector3d m = pair.object().linear() * pair.interaction().tail<3>();
-  EXPECT_NEAR(w.x(), 0, 1e-6);
-  EXPECT_NEAR(w.z(), 0, 1e-6);
-  EXPECT_NEAR(m.y(), 0, 1e-6);
-  EXPECT_GT(m.norm(), 1);
+  EXPECT_LT(pair.interaction().norm(), 1e-6);
+  EXPECT_GT(pair.wrench(0).head<3>().norm(), 1);
+  EXPECT_GT(pair.wrench(0).tail<3>().norm(), 1);
 }
 
 TEST(Grasp, BadInputIsRefusedAndTheStateStays) {

@@ -171,7 +171,7 @@ void print_comparison(const cooperation::Result& own, const cooperation::Result&
               central.joint_margin);
   std::printf("| transport takes | %.2f s | %.2f s |\n", own.ends[3] - own.ends[2],
               central.ends[3] - central.ends[2]);
-  std::printf("| bits each robot sends per second | %.0f | %.0f |\n", own.bits_per_second,
+  std::printf("| bits exchanged per second and robot | %.0f | %.0f |\n", own.bits_per_second,
               central.bits_per_second);
 }
 

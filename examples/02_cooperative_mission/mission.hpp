@@ -25,6 +25,8 @@ struct Variant {
   bool current = false;       ///< a sinusoidal current along x of the world, on both vehicles
   bool compensation = false;  ///< the arms make up for what the vehicles do not track
   bool centralized = false;   ///< one solver for both robots, instead of two that exchange 192 bits
+  icat::FusionPolicy<double> policy = icat::fusion::mean<double>();  ///< the paper's
+  bool spans = false;                                                ///< exchanged too
 };
 
 // --- the scene, NED: z points down ---------------------------------------------------------------
@@ -280,12 +282,13 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
   for (std::size_t i = 0; i < 2; ++i) {
     agents[i] = std::make_unique<icat::Agent<Robot>>(
         sides[i]->robot, sides[i]->actions(), sides[i]->shared(),
-        icat::Agent<Robot>::Options{.controller = controller_options(variant),
-                                    .agreement = {.index = i}});
+        icat::Agent<Robot>::Options{
+            .controller = controller_options(variant),
+            .agreement = {.index = i, .policy = variant.policy, .spans = variant.spans}});
   }
   //! [agents]
   icat::CentralizedController<Robot> central({{a.robot, a.actions()}, {b.robot, b.actions()}},
-                                             controller_options(variant));
+                                             controller_options(variant).solver);
   icat::Transition<double> firmness(1);  // of the centralised variant
 
   Result result;
@@ -293,7 +296,8 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
   std::size_t phase = 0;
   double phase_start = 0;
   bool grasped = false;
-  int event = 0;  // cycles left of the grasp or the release
+  std::size_t exchanged = 0;  // numbers per robot and cycle, centralised
+  int event = 0;              // cycles left of the grasp or the release
   Pose object = pipe_start, tool_b_in_a = Pose::Identity();
   icat::Status status = icat::Status::ok;
   const auto check = [&](icat::Status s) {
@@ -328,8 +332,8 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
         check(agents[i]->propose(t, sides[i]->plant.vehicle_velocity()));
       }
       if (cooperating) {  // 24 bytes each way
-        check(agents[1]->receive(0, agents[0]->send()));
-        check(agents[0]->receive(1, agents[1]->send()));
+        check(agents[1]->receive(0, cycle, agents[0]->send(cycle)));
+        check(agents[0]->receive(1, cycle, agents[1]->send(cycle)));
       }
       for (std::size_t i = 0; i < 2; ++i) {
         check(agents[i]->step(t, sides[i]->plant.vehicle_velocity()));
@@ -339,6 +343,7 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
       check(firmness.update(t));
       check(central.step(t, firmness.values()[0]));
       for (std::size_t i = 0; i < 2; ++i) command[i] = central.velocity(i);
+      if (grasped) exchanged = std::max(exchanged, central.exchanged_numbers(0));
     }
     //! [cycle]
 
@@ -523,7 +528,7 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
   result.object_speed_error =
       squared_errors.empty() ? 0 : std::sqrt(sum / static_cast<double>(squared_errors.size()));
   result.bits_per_second =
-      (variant.centralized ? 32.0 * static_cast<double>(central.exchanged_numbers()) : 192.0) / dt;
+      (variant.centralized ? 32.0 * static_cast<double>(exchanged) : 192.0) / dt;
   result.status = status;
   return result;
 }

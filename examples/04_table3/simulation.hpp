@@ -23,7 +23,12 @@ using Vector6 = icat::Vector6<double>;
 using Vector13 = icat::Vector<double, 13>;
 using Joints = icat::Vector<double, 7>;
 using Objective = icat::Objective<double>;
-using Message = std::array<std::byte, icat::message_size(42)>;  // the longest, spans included
+
+/// What is under way: the bytes, and the round, which the modem's schedule tells.
+struct Message {
+  long long round;
+  std::array<std::byte, icat::message_size(42)> bytes;  ///< the longest, spans included
+};
 
 // --- the rows ------------------------------------------------------------------------------------
 
@@ -323,7 +328,8 @@ inline Result run(const Row& row, const Parameters& p,
     for (std::size_t i = 0; i < 2; ++i) {
       if (const auto message = channel.receive(static_cast<int>(i), t)) {
         const std::size_t size = icat::message_size(row.spans ? 42 : 6);
-        check(sides[i]->agent.receive(1 - i, std::span(*message).first(size)));
+        check(
+            sides[i]->agent.receive(1 - i, message->round, std::span(message->bytes).first(size)));
       }
     }
   };
@@ -342,9 +348,11 @@ inline Result run(const Row& row, const Parameters& p,
         receive(t);
         for (int i = 0; i < 2; ++i) {
           if (!channel.ready(i, t)) continue;
-          const auto bytes = sides[static_cast<std::size_t>(i)]->agent.send();
-          Message message{};
-          std::copy(bytes.begin(), bytes.end(), message.begin());
+          // Half duplex: two slots, one of each, are a round.
+          const long long slot = std::llround(std::floor(t * row.rate + 1e-6));
+          Message message{row.duplex == icat::Duplex::full ? slot : slot / 2, {}};
+          const auto bytes = sides[static_cast<std::size_t>(i)]->agent.send(message.round);
+          std::copy(bytes.begin(), bytes.end(), message.bytes.begin());
           channel.send(i, t, message);
         }
         receive(t);

@@ -10,9 +10,14 @@
 /// with components on ⟨t⟩. In the second hierarchy the tool task is on top instead of in its
 /// place; where an action begins or ends to be shared, one fades in while the other fades out. What
 /// the vehicle does not track the arm makes up for, as in control/controller.hpp [Coop, IV-D].
+///
+/// ẋ̂_t is what all agents command as long as each can: one whose velocity bounds do not let it
+/// moves its tool more slowly, and `second().report()` then shows a saturation scale below 1 on its
+/// first level. Give the tool tasks rates that leave room.
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -71,6 +76,7 @@ class Agent {
              {.actuated = options.controller.actuated, .solver = options.controller.solver}),
         second_(robot, with_agreement(actions, shared, agreed_velocity_), options.controller),
         scheme_(options.controller.scheme),
+        actuated_(options.controller.actuated),
         velocity_(AgentController::Velocity::Zero(robot.dof())),
         sensitivity_(make_sensitivity(robot, options.controller)) {
     find_entries();
@@ -100,11 +106,11 @@ class Agent {
     if (!agreement_.options().spans) return agreement_.propose(velocity, desired());
     return agreement_.propose(velocity, desired(), span());
   }
-  /// Step 2, out: the proposal as bytes, see `Agreement::send`. Counts as sent to all the others.
-  std::span<const std::byte> send() noexcept { return agreement_.send(); }
-  /// Step 2, in: what agent `sender` sent.
-  Status receive(std::size_t sender, std::span<const std::byte> bytes) noexcept {
-    return agreement_.receive(sender, bytes);
+  /// Step 2, out: the proposal as bytes, see `Agreement::send`.
+  std::span<const std::byte> send(long long round) noexcept { return agreement_.send(round); }
+  /// Step 2, in: what agent `sender` sent, see `Agreement::receive`.
+  Status receive(std::size_t sender, long long round, std::span<const std::byte> bytes) noexcept {
+    return agreement_.receive(sender, round, bytes);
   }
   /// Step 3, for the robot's state of `propose`; errors as in `Controller::step`. `correction`
   /// (components on ⟨t⟩) is added to ẋ̂_t, such as a small velocity along a measured interaction
@@ -113,7 +119,7 @@ class Agent {
               const Vector6<Scalar>& correction = Vector6<Scalar>::Zero()) noexcept {
     const bool first = !std::isfinite(last_time_);
     (void)filter_.update(agreement_.update(time), first ? Scalar(0) : time - last_time_);
-    if (std::isfinite(time)) last_time_ = time;
+    if (time > last_time_) last_time_ = time;
     agreed_velocity_.set_velocity(filter_.value() + correction);
     // Alone and settled, both hierarchies are the same.
     const bool same =
@@ -124,7 +130,9 @@ class Agent {
       velocity_ = second_.velocity();
     } else {
       velocity_ = own_.velocity();
-      if (scheme_ == Scheme::parallel) {
+      if (scheme_ == Scheme::whole_body) {
+        status = second_.update(time);
+      } else {
         status = second_.step_arm(time, measured);
         velocity_.head(robot_.arm_dof()) = second_.joint_velocity();
       }
@@ -206,6 +214,10 @@ class Agent {
         detail::invalid("Agent: action '", s.action, "' does not contain task '",
                         s.tool.get().name(), "' or is shared twice");
       }
+      if (s.tool.get().rows() != 6) {
+        detail::invalid("Agent: the shared task '", s.tool.get().name(),
+                        "' must be in component form, six rows, not ", s.tool.get().rows());
+      }
       std::erase_if(action->levels, [](const auto& level) { return level.empty(); });
       action->levels.insert(action->levels.begin(), PriorityLevel<R>{agreed});
     }
@@ -237,6 +249,7 @@ class Agent {
     extended_.setZero(rows, robot_.dof() + 6);
   }
 
+  /// Velocity bounds are no part of it.
   /// T = ∂ẋ_i/∂ẋ̄_i at the tool task's priority level, components on ⟨t⟩.
   Matrix6<Scalar> span() noexcept {
     const Matrix3<Scalar> R_t = robot_.tool().linear();
@@ -246,6 +259,9 @@ class Agent {
       const auto& level = own_.levels()[k];
       auto rows = extended_.topRows(level.jacobian.rows());
       rows.leftCols(robot_.dof()) = level.jacobian;
+      for (Index j = 0; j < 6; ++j) {  // what is not actuated is not free
+        if (!actuated_[static_cast<std::size_t>(j)]) rows.col(robot_.arm_dof() + j).setZero();
+      }
       rows.template rightCols<6>().setZero();
       Index row = 0;
       for (const auto& entry : own_.hierarchy()[k]) {
@@ -275,6 +291,7 @@ class Agent {
   LowPass<Scalar, 6> filter_;
   AgentController own_, second_;
   Scheme scheme_;
+  std::array<bool, 6> actuated_;
   typename AgentController::Velocity velocity_;
   Sensitivity sensitivity_;
   std::vector<ToolEntry> tools_;

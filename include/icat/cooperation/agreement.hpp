@@ -3,14 +3,19 @@
 /// One agent's side of the exchange [Coop, IV-B]: what it said, what it heard, what was agreed on,
 /// and what to do when nothing is heard.
 ///
-/// A round is complete, and a velocity agreed on, when this agent has sent and heard from all the
-/// others since the last round. Both sides fuse the same float32 numbers, their own included, in
-/// the same order, so they agree to the last bit. The velocity is held until the next round; after
-/// `hold` seconds without one the agent falls back. Between agreed and fallen back the velocity
-/// fades, in either direction.
+/// Messages belong to rounds, numbered by the caller: control cycles on a fast channel, pairs of
+/// slots on a half-duplex one. The number is no part of the message; it follows from the schedule,
+/// or from the modem's own header. A round in which all were heard yields the velocity agreed on.
+/// Every agent fuses the same float32 numbers, its own included, in the same order, so all come to
+/// the same bits. A message that is lost, late or doubled spoils its own round only.
+///
+/// The velocity is held until the next round; after `hold` seconds without one the agent falls
+/// back. Between agreed and fallen back the velocity fades, in either direction. An agent cannot
+/// know that the others do not hear it: choose a `hold` after which the object may be in danger.
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <vector>
 
@@ -29,7 +34,7 @@ enum class Fallback {
 /// Settings of an exchange, with defaults. All agents need the same but `index`.
 template <class Scalar>
 struct AgreementOptions {
-  std::size_t agents{2};                                ///< how many, this one included, ≥ 2
+  std::size_t agents{2};                                ///< how many, this one included, 2 … 1000
   std::size_t index{0};                                 ///< which of them this one is
   FusionPolicy<Scalar> policy{fusion::mean<Scalar>()};  ///< f of Eq. (29)
   bool spans{false};                                    ///< exchange them, see fusion.hpp
@@ -42,59 +47,57 @@ struct AgreementOptions {
 template <class Scalar>
 class Agreement {
  public:
+  /// Rounds that may be open at once: a message may come so many rounds late.
+  static constexpr std::size_t open_rounds = 8;
+
   /// @throws std::invalid_argument on settings out of range. Allocates; nothing else here does.
   explicit Agreement(const AgreementOptions<Scalar>& options)
-      : options_(options),
-        velocities_(options.agents, Vector6<Scalar>::Zero()),
-        spans_(options.spans ? options.agents : 0, Matrix6<Scalar>::Identity()),
-        heard_(options.agents, false),
+      : options_(validated(options)),
+        rounds_(open_rounds, Round(options)),
         intersection_(options.spans ? options.agents : 1),
-        message_(message_size(options.spans ? 42 : 6)) {
-    if (options.agents < 2) detail::invalid("Agreement: agents must be >= 2, got ", options.agents);
-    if (options.index >= options.agents) {
-      detail::invalid("Agreement: index must be < ", options.agents, ", got ", options.index);
-    }
-    if (!options.policy) detail::invalid("Agreement: the policy is empty");
-    detail::require_positive("Agreement", "hold", options.hold);
-    detail::require_positive("Agreement", "fade", options.fade);
-  }
+        message_(message_size(static_cast<std::size_t>(numbers()))) {}
 
   /// As given at construction.
   const AgreementOptions<Scalar>& options() const noexcept { return options_; }
 
   /// This agent's proposal: ẋ_i, ẋ̄_t and, where spans are exchanged, T_i. NaN, infinity or what
-  /// float32 cannot hold: refused, the last proposal stays.
+  /// float32 cannot hold: refused, and there is nothing to send until a better one comes.
   Status propose(const Vector6<Scalar>& velocity, const Vector6<Scalar>& desired,
                  const Matrix6<Scalar>& span = Matrix6<Scalar>::Identity()) noexcept {
     Said said;
-    said << velocity, span;
-    if (const Status status = encode(said.leftCols(columns()), message_); status != Status::ok) {
-      return status;
+    said.template head<6>() = velocity;
+    if (options_.policy.difficulties) said(6) = (desired - velocity).norm();
+    if (options_.spans) {
+      said.segment(numbers() - 36, 36) = Eigen::Map<const Vector<Scalar, 36>>(span.data());
     }
-    proposed_ = true;
-    own_ = said.col(0);
-    desired_ = desired;
-    return Status::ok;
+    const Status status = encode(said.head(numbers()), message_);
+    proposed_ = status == Status::ok;
+    if (proposed_) own_ = velocity;
+    return status;
   }
 
-  /// The proposal as 24 bytes (168 with spans), to be sent to all the others now. Valid until the
-  /// next `propose`; empty before the first.
-  std::span<const std::byte> send() noexcept {
+  /// The proposal as bytes, to be sent to all the others now, as this agent's part of `round`: 24,
+  /// 4 more with difficulties, 144 more with spans. Valid until the next `propose`; empty where
+  /// there is none.
+  std::span<const std::byte> send(long long round) noexcept {
     if (!proposed_) return {};
     const std::span<const std::byte> bytes(message_);
-    (void)store(options_.index, bytes);
+    (void)store(options_.index, round, bytes);
     return bytes;
   }
 
-  /// A message of agent `sender`. Refused, with the status saying why, it counts as not heard.
-  Status receive(std::size_t sender, std::span<const std::byte> bytes) noexcept {
+  /// What agent `sender` sent as its part of `round`. Refused, with the status saying why, it
+  /// counts as not heard. Of a round that is long gone it is ignored.
+  Status receive(std::size_t sender, long long round, std::span<const std::byte> bytes) noexcept {
     if (sender >= options_.agents || sender == options_.index) return Status::unknown_agent;
-    return store(sender, bytes);
+    return store(sender, round, bytes);
   }
 
-  /// The tool velocity to command at `time`, components on ⟨t⟩. Always finite.
+  /// The tool velocity to command at `time`, components on ⟨t⟩. Always finite; a time that is not,
+  /// or runs backwards, changes nothing.
   const Vector6<Scalar>& update(Scalar time) noexcept {
-    if (!std::isfinite(time)) return velocity_;
+    if (!std::isfinite(time) || time < last_time_) return velocity_;
+    last_time_ = time;
     if (fresh_) agreed_until_ = time + options_.hold;
     fresh_ = false;
     const bool agreed = time <= agreed_until_;
@@ -118,28 +121,65 @@ class Agreement {
   bool agreed() const noexcept { return agreed_; }
 
  private:
-  using Said = Eigen::Matrix<Scalar, 6, 7>;  // [ẋ_i T_i]
+  using Said = Vector<Scalar, 43>;  // [ẋ_i; difficulty; T_i], of which what is exchanged
+  struct Round {
+    explicit Round(const AgreementOptions<Scalar>& o)
+        : velocities(o.agents, Vector6<Scalar>::Zero()),
+          spans(o.spans ? o.agents : 0, Matrix6<Scalar>::Identity()),
+          difficulties(o.agents, Scalar(0)),
+          heard(o.agents, false) {}
+    long long number{-1};
+    std::vector<Vector6<Scalar>> velocities;
+    std::vector<Matrix6<Scalar>> spans;
+    std::vector<Scalar> difficulties;
+    std::vector<bool> heard;
+  };
 
-  Index columns() const noexcept { return options_.spans ? 7 : 1; }
-
-  Status store(std::size_t agent, std::span<const std::byte> bytes) noexcept {
-    Said said;
-    auto sent = said.leftCols(columns());
-    if (const Status status = decode(bytes, sent); status != Status::ok) return status;
-    velocities_[agent] = said.col(0);
-    if (options_.spans) spans_[agent] = said.template rightCols<6>();
-    heard_[agent] = true;
-    for (const bool heard : heard_) {
-      if (!heard) return Status::ok;
+  static const AgreementOptions<Scalar>& validated(const AgreementOptions<Scalar>& o) {
+    if (o.agents < 2 || o.agents > 1000) {
+      detail::invalid("Agreement: agents must be in [2, 1000], got ", o.agents);
     }
-    std::fill(heard_.begin(), heard_.end(), false);
-    fuse();
+    if (o.index >= o.agents) {
+      detail::invalid("Agreement: index must be < ", o.agents, ", got ", o.index);
+    }
+    if (!o.policy.fuse) detail::invalid("Agreement: the policy is empty");
+    if (o.policy.agents != 0 && o.policy.agents != o.agents) {
+      detail::invalid("Agreement: a policy for ", o.policy.agents, " agents, there are ", o.agents);
+    }
+    detail::require_positive("Agreement", "hold", o.hold);
+    detail::require_positive("Agreement", "fade", o.fade);
+    return o;
+  }
+
+  Index numbers() const noexcept {
+    return 6 + (options_.policy.difficulties ? 1 : 0) + (options_.spans ? 36 : 0);
+  }
+
+  Status store(std::size_t agent, long long number, std::span<const std::byte> bytes) noexcept {
+    Said said;
+    auto sent = said.head(numbers());
+    if (const Status status = decode(bytes, sent); status != Status::ok) return status;
+    if (number <= fused_round_) return Status::ok;
+    Round& round = rounds_[static_cast<std::size_t>(number) % open_rounds];
+    if (number < round.number) return Status::ok;
+    if (number > round.number) {
+      round.number = number;
+      std::fill(round.heard.begin(), round.heard.end(), false);
+    }
+    round.velocities[agent] = said.template head<6>();
+    if (options_.policy.difficulties) round.difficulties[agent] = said(6);
+    if (options_.spans) {
+      round.spans[agent] = Eigen::Map<const Matrix6<Scalar>>(said.data() + numbers() - 36);
+    }
+    round.heard[agent] = true;
+    if (std::find(round.heard.begin(), round.heard.end(), false) == round.heard.end()) fuse(round);
     return Status::ok;
   }
 
-  void fuse() noexcept {
-    const Proposals<Scalar> proposals{velocities_, spans_, desired_};
-    Vector6<Scalar> fused = options_.policy(proposals);
+  void fuse(const Round& round) noexcept {
+    fused_round_ = round.number;
+    const Proposals<Scalar> proposals{round.velocities, round.spans, round.difficulties};
+    Vector6<Scalar> fused = options_.policy.fuse(proposals);
     if (options_.spans && fused.allFinite()) fused = intersection_.nearest(fused, proposals);
     if (!fused.allFinite()) return;  // as if nothing had been heard
     fused_ = fused;
@@ -147,15 +187,15 @@ class Agreement {
   }
 
   AgreementOptions<Scalar> options_;
-  std::vector<Vector6<Scalar>> velocities_;
-  std::vector<Matrix6<Scalar>> spans_;
-  std::vector<bool> heard_;
+  std::vector<Round> rounds_;
   SpanIntersection<Scalar> intersection_;
   std::vector<std::byte> message_;
   const Vector6<Scalar> zero_{Vector6<Scalar>::Zero()};
-  Vector6<Scalar> own_{zero_}, desired_{zero_}, fused_{zero_}, velocity_{zero_}, from_{zero_};
+  Vector6<Scalar> own_{zero_}, fused_{zero_}, velocity_{zero_}, from_{zero_};
+  long long fused_round_{-1};
   Scalar agreed_until_{-std::numeric_limits<Scalar>::infinity()};
   Scalar begin_{-std::numeric_limits<Scalar>::infinity()};
+  Scalar last_time_{-std::numeric_limits<Scalar>::infinity()};
   bool agreed_{false}, proposed_{false}, fresh_{false};
 };
 

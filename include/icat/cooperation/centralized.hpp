@@ -30,8 +30,8 @@ class CentralizedController {
     std::reference_wrapper<const R> robot;  ///< its tool frame is the object's
     std::vector<Action<R>> actions;         ///< the same names for all robots
   };
-  /// Settings, with defaults; velocity bounds are those of one robot.
-  using Options = typename Controller<R, Regularization>::Options;
+  /// Options of the solver; velocity bounds are those of one robot.
+  using Options = typename Tpik<Scalar, R::size, Regularization>::Options;
 
   /// At least two robots with hierarchies of equally many levels. All are fully actuated.
   /// @throws std::invalid_argument on bad actions or options. Allocates.
@@ -40,8 +40,7 @@ class CentralizedController {
     if (members.size() < 2) detail::invalid("CentralizedController: needs at least two robots");
     for (const auto& m : members) {
       robots_.push_back(&m.robot.get());
-      parts_.push_back(
-          std::make_unique<Controller<R, Regularization>>(m.robot.get(), m.actions, options));
+      parts_.push_back(std::make_unique<Controller<R, Regularization>>(m.robot.get(), m.actions));
       if (parts_.back()->levels().size() != parts_.front()->levels().size()) {
         detail::invalid("CentralizedController: hierarchies of ", parts_.front()->levels().size(),
                         " and ", parts_.back()->levels().size(), " levels");
@@ -102,16 +101,13 @@ class CentralizedController {
     for (std::size_t i = 0; i < index; ++i) begin += robots_[i]->dof();
     return tpik_.velocity().segment(begin, robots_[index]->dof());
   }
-  /// Numbers that the others must send in each cycle for one of them to solve for all: Jacobian,
-  /// reference and activation of each row, and the tool's Jacobian.
-  std::size_t exchanged_numbers() const noexcept {
-    std::size_t numbers = 0;
-    for (std::size_t i = 1; i < parts_.size(); ++i) {
-      const auto n = static_cast<std::size_t>(robots_[i]->dof());
-      numbers += 6 * n;
-      for (const auto& level : parts_[i]->levels()) {
-        numbers += static_cast<std::size_t>(level.jacobian.rows()) * (n + 2);
-      }
+  /// Numbers that go between a robot and whoever solves for all, in the last cycle: Jacobian,
+  /// reference and activation of each row that is active, the tool's Jacobian, and ẏ back.
+  std::size_t exchanged_numbers(std::size_t index) const noexcept {
+    const auto n = static_cast<std::size_t>(robots_[index]->dof());
+    std::size_t numbers = 6 * n + n;
+    for (const auto& level : parts_[index]->levels()) {
+      numbers += static_cast<std::size_t>((level.activation.array() > Scalar(0)).count()) * (n + 2);
     }
     return numbers;
   }
@@ -135,10 +131,10 @@ class CentralizedController {
   static typename Solver::Options stacked(const Options& options,
                                           const std::vector<Member>& members) {
     typename Solver::Options o;
-    o.regularization = options.solver.regularization;
-    o.projection_weight = options.solver.projection_weight;
-    if (options.solver.bounds) {
-      const auto& one = *options.solver.bounds;
+    o.regularization = options.regularization;
+    o.projection_weight = options.projection_weight;
+    if (options.bounds) {
+      const auto& one = *options.bounds;
       const auto copies = static_cast<Index>(members.size());
       o.bounds = VelocityBounds<Scalar>{one.lower.replicate(copies, 1).eval(),
                                         one.upper.replicate(copies, 1).eval()};

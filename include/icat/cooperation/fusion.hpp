@@ -7,8 +7,10 @@
 ///     convex combination    ẋ̂ = Σ w_i ẋ_i,  Σ w_i = 1
 ///     difficulty-weighted   w_i ∝ ‖ẋ̄ − ẋ_i‖                    for who is hindered most
 ///
-/// All agents must come to the same numbers, so a policy may depend on nothing but what all of them
-/// know.
+/// All agents must come to the same numbers, so a policy may depend on nothing but what was sent.
+/// Each agent's ẋ̄ is its own: it differs by the gain times what the tools have drifted apart, and
+/// weights that differ with it make that drift grow. So the difficulty is sent too where a policy
+/// needs it, one number more.
 ///
 /// **Spans** (beyond the paper, which leaves it as future work [Coop, IV-B]). Agent i can reach the
 /// tool velocities ẋ_i + range(T_i) without disturbing what has priority over its tool task, where
@@ -36,24 +38,28 @@ template <class Scalar>
 struct Proposals {
   std::span<const Vector6<Scalar>> velocities;  ///< ẋ_i, components on ⟨t⟩, m/s, rad/s
   std::span<const Matrix6<Scalar>> spans;       ///< T_i; empty where they are not exchanged
-  Vector6<Scalar> desired;                      ///< ẋ̄_t, what the object should do
+  std::span<const Scalar> difficulties;  ///< ‖ẋ̄ − ẋ_i‖; 0 where they are not exchanged
 };
 
-/// One's own policy is any callable of this kind, called in the control step: it must not throw and
-/// should not allocate.
+/// One's own policy needs `fuse` alone.
 template <class Scalar>
-using FusionPolicy = std::function<Vector6<Scalar>(const Proposals<Scalar>&)>;
+struct FusionPolicy {
+  /// Called in the control step: must not throw and should not allocate.
+  std::function<Vector6<Scalar>(const Proposals<Scalar>&)> fuse;
+  bool difficulties{false};  ///< it needs them: they are exchanged
+  std::size_t agents{0};     ///< it is made for so many; 0: for any number
+};
 
 namespace fusion {
 
 /// Σ ẋ_i / N.
 template <class Scalar>
 FusionPolicy<Scalar> mean() {
-  return [](const Proposals<Scalar>& p) {
+  return {.fuse = [](const Proposals<Scalar>& p) {
     Vector6<Scalar> sum = Vector6<Scalar>::Zero();
     for (const auto& velocity : p.velocities) sum += velocity;
     return Vector6<Scalar>(sum / static_cast<Scalar>(p.velocities.size()));
-  };
+  }};
 }
 
 /// Σ w_i ẋ_i.
@@ -68,38 +74,35 @@ FusionPolicy<Scalar> convex_combination(std::vector<Scalar> weights) {
   if (!(std::abs(total - Scalar(1)) <= Scalar(1e-5))) {
     detail::invalid("convex_combination: the weights must add up to 1, not ", total);
   }
-  return [weights = std::move(weights)](const Proposals<Scalar>& p) {
-    Vector6<Scalar> sum = Vector6<Scalar>::Zero();
-    for (std::size_t i = 0; i < p.velocities.size() && i < weights.size(); ++i) {
-      sum += weights[i] * p.velocities[i];
-    }
-    return sum;
-  };
+  const std::size_t agents = weights.size();
+  return {.fuse =
+              [weights = std::move(weights)](const Proposals<Scalar>& p) {
+                Vector6<Scalar> sum = Vector6<Scalar>::Zero();
+                for (std::size_t i = 0; i < weights.size(); ++i)
+                  sum += weights[i] * p.velocities[i];
+                return sum;
+              },
+          .agents = agents};
 }
 
-/// Each agent weighs as much as it is hindered, ‖ẋ̄ − ẋ_i‖; the mean where none is. `length` (m)
-/// makes metres of radians in that norm. ẋ̄ is no part of the message: agents whose ẋ̄ differ agree
-/// only as closely as that.
-/// @throws std::invalid_argument unless length > 0.
+/// Each agent weighs as much as it is hindered: w_i ∝ ‖ẋ̄ − ẋ_i‖ + `even`. Far below `even` (> 0)
+/// the weights are even, so that rounding does not choose between agents that nothing hinders.
+/// @throws std::invalid_argument unless even > 0.
 template <class Scalar>
-FusionPolicy<Scalar> difficulty_weighted(Scalar length = Scalar(1)) {
-  detail::require_positive("difficulty_weighted", "length", length);
-  return [length](const Proposals<Scalar>& p) {
-    Vector6<Scalar> sum = Vector6<Scalar>::Zero(), plain = sum;
-    Scalar total(0);
-    for (const auto& velocity : p.velocities) {
-      Vector6<Scalar> missing = p.desired - velocity;
-      missing.template tail<3>() *= length;
-      const Scalar difficulty = missing.norm();
-      sum += difficulty * velocity;
-      plain += velocity;
-      total += difficulty;
-    }
-    // All weights are in [0, 1] and all velocities go to ẋ̄ with the total, so this does not jump.
-    if (!(total > Scalar(0)))
-      return Vector6<Scalar>(plain / static_cast<Scalar>(p.velocities.size()));
-    return Vector6<Scalar>(sum / total);
-  };
+FusionPolicy<Scalar> difficulty_weighted(Scalar even = Scalar(1e-3)) {
+  detail::require_positive("difficulty_weighted", "even", even);
+  return {.fuse =
+              [even](const Proposals<Scalar>& p) {
+                Vector6<Scalar> sum = Vector6<Scalar>::Zero();
+                Scalar total(0);
+                for (std::size_t i = 0; i < p.velocities.size(); ++i) {
+                  const Scalar weight = p.difficulties[i] + even;
+                  sum += weight * p.velocities[i];
+                  total += weight;
+                }
+                return Vector6<Scalar>(sum / total);
+              },
+          .difficulties = true};
 }
 
 }  // namespace fusion
