@@ -102,9 +102,6 @@ void sensitivity(const fs::path& folder) {
       {"joint_bandwidth", &table3::Parameters::joint_bandwidth, {50, 70, 100, 120}},
       {"joint_speed", &table3::Parameters::joint_speed, {0.1, 0.15, 0.25, 0.5}}};
   std::ofstream csv(folder / "sensitivity.csv");
-  csv << "choice,value";
-  for (int i = 1; i <= 11; ++i) csv << ",T" << i;
-  csv << '\n';
   std::printf(
       "\nF mean (N; - where aborted), and how many of the relations hold\n\n| | T1 | T2 | T3 | T4 "
       "| T5 | T6 | T7 | T8 | T9 | T10 | T11 | hold "
@@ -116,16 +113,16 @@ void sensitivity(const fs::path& folder) {
       support::ProgressBar bar(choice.name);
       const auto t = table3::run_all(p, 11, [&](double share) { bar.show(share); });
       std::printf("| %s = %g |", choice.name, value);
-      csv << choice.name << ',' << value;
+      csv << "# " << choice.name << " = " << value << "\n# row,force mean (N)\n";
       for (int i = 1; i <= 11; ++i) {
-        csv << ',' << t[i].force.mean;
+        csv << i << ',' << t[i].force.mean << '\n';
         if (t[i].aborted) {
           std::printf(" - |");
         } else {
           std::printf(" %.2f |", t[i].force.mean);
         }
       }
-      csv << '\n';
+      csv << "\n\n";
       const auto all = table3::relations(t);
       std::printf(" %d of %zu |\n",
                   static_cast<int>(

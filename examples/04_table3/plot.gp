@@ -32,9 +32,9 @@ if (study) {
   set key top right inside
   csv = folder.'/sensitivity.csv'
   set title 'bandwidth of the joint loops (rad/s)'
-  plot for [k=1:4] csv every ::k::k matrix using ($1-1):($1 > 1 ? $3 : NaN) with linespoints pt 7 title word('50 70 100 120', k)
+  plot for [k=0:3] csv index k using 1:2 with linespoints pt 7 title word('50 70 100 120', k+1)
   set title 'bound of the joint speeds (rad/s)'
-  plot for [k=5:8] csv every ::k::k matrix using ($1-1):($1 > 1 ? $3 : NaN) with linespoints pt 7 title word('0.1 0.15 0.25 0.5', k-4)
+  plot for [k=4:7] csv index k using 1:2 with linespoints pt 7 title word('0.1 0.15 0.25 0.5', k-3)
   unset multiplot
 }
 set output
