@@ -78,8 +78,9 @@ parallel_jobs() {
   echo $((by_memory < 1 ? 1 : by_memory < by_cpu ? by_memory : by_cpu))
 }
 
-# build <preset>: configures and builds.
+# build <preset> [<target>...]: configures and builds, all or the targets named.
 build() {
+  local targets=("${@:2}")
   local cache=build/$1/CMakeCache.txt
   # A folder that was configured elsewhere (a moved or copied clone) is of no use.
   if [[ -f $cache ]] && ! grep -qxF "CMAKE_HOME_DIRECTORY:INTERNAL=$PWD" "$cache"; then
@@ -91,5 +92,6 @@ build() {
     cat "build/$1.log" >&2
     fail "CMake could not configure '$1'"
   }
-  cmake --build --preset "$1" --parallel "$(parallel_jobs)" || fail "'$1' does not build"
+  cmake --build --preset "$1" --parallel "$(parallel_jobs)" \
+    ${targets[@]:+--target "${targets[@]}"} || fail "'$1' does not build"
 }

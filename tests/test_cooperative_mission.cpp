@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include "../examples/02_cooperative_mission/mission.hpp"
-#include "support/sanitized.hpp"
 
 namespace {
 
@@ -62,7 +61,6 @@ TEST(CooperativeMission, InStillWater) {
 }
 
 TEST(CooperativeMission, InACurrentTheArmsCompensate) {
-  if (sanitized) GTEST_SKIP();
   const Result without = run({.current = true});
   const Result with = run({.current = true, .compensation = true});
   expect_safe(without);
@@ -76,7 +74,6 @@ TEST(CooperativeMission, InACurrentTheArmsCompensate) {
 }
 
 TEST(CooperativeMission, CentralizedBaseline) {
-  if (sanitized) GTEST_SKIP();
   const Result r = run({.centralized = true});
   expect_success(r);
   EXPECT_GT(r.bits_per_second, 50 * 192 / dt);
@@ -84,7 +81,6 @@ TEST(CooperativeMission, CentralizedBaseline) {
 
 // Whatever the agents agree on by: both tools move as one.
 TEST(CooperativeMission, WithOtherPolicies) {
-  if (sanitized) GTEST_SKIP();
   for (const auto& [policy, spans] :
        {std::pair{icat::fusion::difficulty_weighted<double>(), false},
         std::pair{icat::fusion::convex_combination<double>({0.3, 0.7}), false},

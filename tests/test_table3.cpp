@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include "../examples/04_table3/table.hpp"
-#include "support/sanitized.hpp"
 
 namespace {
 
@@ -16,14 +15,11 @@ TEST(Table3, Spearman) {
 }
 
 TEST(Table3, RelationsOfThePaperHoldButOne) {
-  Parameters p;
-  if (sanitized) p.duration = 0.2;
-  const Table t = run_all(p, sanitized ? 2 : 11, [](double) {});
+  const Table t = run_all({}, 11, [](double) {});
   for (const auto& r : t.results) {
     EXPECT_EQ(r.status, icat::Status::ok) << icat::describe(r.status);
     EXPECT_LT(r.drift, 1e-4);
   }
-  if (sanitized) return;
   for (const Relation& relation : relations(t)) {
     // A known miss: docs/hydrodynamics.md says why.
     if (std::string(relation.text).starts_with("T1 aborts")) continue;
