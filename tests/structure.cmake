@@ -30,7 +30,7 @@ foreach(header IN LISTS headers)
 
   # Code only: in a comment the words are free.
   file(STRINGS "${path}" output
-    REGEX "^([^/]|/[^/])*(<iostream>|<cstdio>|std::(cout|cerr|clog)|[^a-z_]f?printf *\\()")
+    REGEX "^([^/]|/[^/])*(<iostream>|std::(cout|cerr|clog)|[^a-z_](f?printf|f?puts|putchar|perror) *\\()")
   if(output)
     error("a header prints nothing: ${output}")
   endif()

@@ -1,20 +1,62 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// Errors of construction and configuration: `std::invalid_argument` with names and numbers.
+/// Errors of construction and configuration: `std::invalid_argument` with names and numbers. Where
+/// a program is compiled without exceptions (`-fno-exceptions`), the same text goes to the handler
+/// of `set_error_handler`, and the program ends.
+///
+/// Control steps do neither: they answer with a `Status`.
 #pragma once
 
+#include <cstdio>
+#include <cstdlib>
 #include <limits>
-#include <sstream>
 #include <stdexcept>
+#include <string>
+#include <string_view>
+#include <type_traits>
 
-namespace icat::detail {
+namespace icat {
+
+#if !defined(__cpp_exceptions)
+/// Gets the text of an error of construction or configuration. It may log, reset the machine or
+/// jump; if it returns, `std::abort` follows.
+using ErrorHandler = void (*)(const char* text);
+
+namespace detail {
+inline ErrorHandler error_handler = nullptr;
+}
+
+/// Exists only in programs without exceptions. Until it is called, and for `nullptr`, an error ends
+/// in `std::abort` alone. Call it once, before the first construction.
+inline void set_error_handler(ErrorHandler handler) noexcept { detail::error_handler = handler; }
+#endif
+
+namespace detail {
+
+template <class Part>
+void append(std::string& text, const Part& part) {
+  if constexpr (std::is_convertible_v<const Part&, std::string_view>) {
+    text += std::string_view(part);
+  } else if constexpr (std::is_floating_point_v<Part>) {
+    char number[32];
+    std::snprintf(number, sizeof number, "%g", static_cast<double>(part));
+    text += number;
+  } else {
+    text += std::to_string(part);
+  }
+}
 
 /// Throws `std::invalid_argument` whose text is all the parts one after the other.
 template <class... Parts>
 [[noreturn]] void invalid(const Parts&... parts) {
-  std::ostringstream text;
-  (text << ... << parts);
-  throw std::invalid_argument(text.str());
+  std::string text;
+  (append(text, parts), ...);
+#if defined(__cpp_exceptions)
+  throw std::invalid_argument(text);
+#else
+  if (error_handler) error_handler(text.c_str());
+  std::abort();
+#endif
 }
 
 /// Throws unless `value` is finite and above zero. NaN fails.
@@ -25,4 +67,5 @@ void require_positive(const char* owner, const char* name, Scalar value) {
   }
 }
 
-}  // namespace icat::detail
+}  // namespace detail
+}  // namespace icat
