@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <icat/icat.hpp>
+#include <icat/sim/kinematic_plant.hpp>
 
 #include "support/allocation_counter.hpp"
 #include "support/states.hpp"

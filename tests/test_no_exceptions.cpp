@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <icat/icat.hpp>
+#include <icat/sim/kinematic_plant.hpp>
 #include <string_view>
 
 #if defined(__cpp_exceptions) || defined(__cpp_rtti)

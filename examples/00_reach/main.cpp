@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <icat/icat.hpp>
+#include <icat/sim/kinematic_plant.hpp>
 #include <iostream>
 
 int main() {

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <icat/icat.hpp>
+#include <icat/sim/kinematic_plant.hpp>
 #include <numbers>
 #include <string>
 #include <vector>

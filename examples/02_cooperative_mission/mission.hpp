@@ -7,6 +7,7 @@
 #include <array>
 #include <functional>
 #include <icat/icat.hpp>
+#include <icat/sim/kinematic_plant.hpp>
 #include <memory>
 #include <numbers>
 #include <string>

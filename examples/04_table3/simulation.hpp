@@ -8,6 +8,9 @@
 #include <array>
 #include <functional>
 #include <icat/icat.hpp>
+#include <icat/sim/channel.hpp>
+#include <icat/sim/grasped_object_plant.hpp>
+#include <icat/sim/maris_bodies.hpp>
 #include <memory>
 #include <numbers>
 #include <string>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// Everything of icat that needs Eigen alone.
+/// Everything of icat that runs on a robot. Simulation (`icat/sim/`) and foreign things
+/// (`icat/adapters/`) are included by name.
 #pragma once
 
 #include "icat/action/action.hpp"
@@ -27,13 +28,6 @@
 #include "icat/model/robot.hpp"
 #include "icat/model/serial_chain.hpp"
 #include "icat/model/uvms.hpp"
-#include "icat/sim/channel.hpp"
-#include "icat/sim/grasped_object_plant.hpp"
-#include "icat/sim/hydrodynamic_plant.hpp"
-#include "icat/sim/kinematic_plant.hpp"
-#include "icat/sim/maris_bodies.hpp"
-#include "icat/sim/rigid_body.hpp"
-#include "icat/sim/vehicle_manipulator_dynamics.hpp"
 #include "icat/task/camera_tasks.hpp"
 #include "icat/task/function_task.hpp"
 #include "icat/task/joint_tasks.hpp"
