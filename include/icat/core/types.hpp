@@ -49,6 +49,36 @@ using Matrix6 = Eigen::Matrix<Scalar, 6, 6>;
 template <class Scalar>
 using Pose = Eigen::Transform<Scalar, 3, Eigen::Isometry>;
 
+namespace detail {
+
+// What `setConstant`, `Zero` and `Identity` do, without a type of expression for each matrix type:
+// compilers spend more on those than on the solver.
+
+template <class M>
+void fill(M& m, typename M::Scalar value) noexcept {
+  typename M::Scalar* x = m.data();
+  for (Index i = 0; i < m.size(); ++i) x[i] = value;
+}
+template <class M>
+M zeros(Index rows, Index cols = 1) {
+  M m(rows, cols);
+  fill(m, typename M::Scalar(0));
+  return m;
+}
+template <class M>
+void set_identity(M& m) noexcept {
+  fill(m, typename M::Scalar(0));
+  for (Index i = 0; i < m.rows() && i < m.cols(); ++i) m(i, i) = typename M::Scalar(1);
+}
+template <class M>
+M identity(Index size) {
+  M m(size, size);
+  set_identity(m);
+  return m;
+}
+
+}  // namespace detail
+
 /// Sum of two compile-time sizes, `Eigen::Dynamic` if either is.
 constexpr int add_sizes(int a, int b) {
   return a == Eigen::Dynamic || b == Eigen::Dynamic ? Eigen::Dynamic : a + b;

@@ -48,7 +48,7 @@ using Panel = Eigen::Matrix<Scalar, static_cast<int>(padded<Scalar>(N)), K>;
 
 template <class P>
 P zero_panel(Index n, Index columns) {
-  return P::Zero(padded<typename P::Scalar>(n), columns);
+  return zeros<P>(padded<typename P::Scalar>(n), columns);
 }
 
 /// Columns that are `stride` apart.
@@ -155,6 +155,22 @@ inline Scalar dot(Index rows, const Scalar* a, const Scalar* b) noexcept {
   }
   if (i < rows) even = pmadd(ploadu<Packet>(a + i), ploadu<Packet>(b + i), even);
   return predux(padd(even, odd));
+}
+
+/// No NaN and no infinity among `n` elements.
+template <class Scalar>
+inline bool all_finite(Index n, const Scalar* x) noexcept {
+  using namespace Eigen::internal;
+  using Packet = typename Simd<Scalar>::Packet;
+  constexpr Index size = Simd<Scalar>::size;
+  // Zero but for infinities and NaN, which stay.
+  const Packet zero = pset1<Packet>(Scalar(0));
+  Packet sum = zero;
+  Index i = 0;
+  for (; i + size <= n; i += size) sum = pmadd(ploadu<Packet>(x + i), zero, sum);
+  Scalar rest = predux(sum);
+  for (; i < n; ++i) rest += x[i] * Scalar(0);
+  return rest == Scalar(0);
 }
 
 /// C elements of `aᵀ x`, for columns of a side by side.

@@ -56,7 +56,7 @@ class SpectralInverse {
       z[0] = first.length;
       solve<true>(z, 1, 1);
     } else {
-      vectors_.setIdentity();
+      set_identity(vectors_);
       if (!deflate(f, 2)) return false;
       for (Index i = 0; i < size_; ++i) y_(i) = vectors_(0, i) * first.length;
       solve<true>(y_.data(), 1, 1);
@@ -77,7 +77,7 @@ class SpectralInverse {
     if (!prepare(s, n)) return false;
     tridiagonalize(s, 0);
     count_below(f.threshold);
-    vectors_.setIdentity();
+    set_identity(vectors_);
     for (Index i = reflections_; i-- > 0;) {
       for (Index j = i + 1; j < n; ++j) {
         reflect_from(i + 1, tau_(i), columns(householder_)[i], columns(vectors_)[j]);
@@ -88,7 +88,7 @@ class SpectralInverse {
     std::copy_n(vectors_.data(), n * vectors_.outerStride(), householder_.data());
     solve<false>(householder_.data(), vectors_.outerStride(), n);
     product<Into::set>(n, n, n, householder_, transposed(vectors_), out);
-    return out.topLeftCorner(n, n).allFinite();
+    return all_finite(n * out.outerStride(), out.data());
   }
 
   /// How many eigenvalues of the last S, or of its part that the last b excites, lay below the

@@ -1,17 +1,106 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// The input checks of a priority level, shared by the solvers.
+/// A priority level as the solvers read it, and the checks of that input.
+///
+/// The solvers accept any Eigen type, but one body of code works on all of them: what has an
+/// address is read by address and strides, an expression coefficient by coefficient.
 #pragma once
 
 #include <cmath>
+#include <type_traits>
 
+#include "icat/math/panel.hpp"
 #include "icat/tpik/report.hpp"
 
 namespace icat::detail {
 
+/// A matrix or vector of any Eigen type. It must outlive this; nothing is copied.
+template <class Scalar>
+class Input {
+ public:
+  template <class Derived>
+  Input(const Eigen::MatrixBase<Derived>& x) noexcept  // NOLINT: converts on purpose
+      : rows(x.rows()), cols(x.cols()) {
+    static_assert(std::is_same_v<typename Derived::Scalar, Scalar>,
+                  "Jacobian, activation and reference have the scalar type of the solver");
+    if constexpr ((Derived::Flags & Eigen::DirectAccessBit) != 0) {
+      data_ = x.derived().data();
+      row_step_ = Derived::IsRowMajor ? x.derived().outerStride() : x.derived().innerStride();
+      column_step_ = Derived::IsRowMajor ? x.derived().innerStride() : x.derived().outerStride();
+    } else {
+      expression_ = &x.derived();
+      coefficient_ = [](const void* e, Index i, Index j) {
+        return static_cast<const Derived*>(e)->coeff(i, j);
+      };
+    }
+  }
+
+  Scalar operator()(Index i, Index j = 0) const noexcept {
+    return data_ ? data_[i * row_step_ + j * column_step_] : coefficient_(expression_, i, j);
+  }
+
+  /// Row `i`, of which the first `n` elements meet `y`; `N` where n is known at compile time.
+  template <int N>
+  Scalar row_dot(Index i, Index size, const Scalar* y) const noexcept {
+    const Index n = N == Eigen::Dynamic ? size : N;
+    // Four chains of additions that need not wait for each other.
+    Scalar s0(0), s1(0), s2(0), s3(0);
+    Index j = 0;
+    if (data_) {
+      const Scalar* x = data_ + i * row_step_;
+      const Index step = column_step_;
+      for (; j + 4 <= n; j += 4, x += 4 * step) {
+        s0 += x[0] * y[j];
+        s1 += x[step] * y[j + 1];
+        s2 += x[2 * step] * y[j + 2];
+        s3 += x[3 * step] * y[j + 3];
+      }
+    }
+    for (; j < n; ++j) s0 += (*this)(i, j) * y[j];
+    return (s0 + s1) + (s2 + s3);
+  }
+  /// Copies the first `n` elements of row `i`.
+  template <int N>
+  void copy_row(Index i, Index size, Scalar* out) const noexcept {
+    const Index n = N == Eigen::Dynamic ? size : N;
+    if (!data_) {
+      for (Index j = 0; j < n; ++j) out[j] = (*this)(i, j);
+      return;
+    }
+    const Scalar* x = data_ + i * row_step_;
+    for (Index j = 0; j < n; ++j, x += column_step_) out[j] = *x;
+  }
+
+  /// No NaN, no infinity.
+  bool finite() const noexcept {
+    if (data_ && row_step_ == 1 && column_step_ == rows) return all_finite(rows * cols, data_);
+    Scalar sum(0);  // zero but for infinities and NaN, which stay
+    for (Index j = 0; j < cols; ++j) {
+      for (Index i = 0; i < rows; ++i) sum += (*this)(i, j) * Scalar(0);
+    }
+    return sum == Scalar(0);
+  }
+
+  const Index rows, cols;
+
+ private:
+  const Scalar* data_{nullptr};
+  Index row_step_{0}, column_step_{0};
+  const void* expression_{nullptr};
+  Scalar (*coefficient_)(const void*, Index, Index){nullptr};
+};
+
+/// J, a and ẋ̄ of a level.
+template <class Scalar>
+struct LevelInput {
+  Input<Scalar> jacobian, activation, reference;
+};
+
 /// Compile-time sizes that cannot match do not compile.
-template <class J, class A, class R>
-constexpr void assert_level_sizes() {
+template <class Scalar, class J, class A, class R>
+LevelInput<Scalar> level_input(const Eigen::MatrixBase<J>& jacobian,
+                               const Eigen::MatrixBase<A>& activation,
+                               const Eigen::MatrixBase<R>& reference) noexcept {
   constexpr int rows = J::RowsAtCompileTime;
   static_assert(A::ColsAtCompileTime == 1 || A::ColsAtCompileTime == Eigen::Dynamic,
                 "the activation is a column vector");
@@ -23,22 +112,21 @@ constexpr void assert_level_sizes() {
   static_assert(rows == Eigen::Dynamic || R::RowsAtCompileTime == Eigen::Dynamic ||
                     rows == R::RowsAtCompileTime,
                 "one reference for each row of the Jacobian");
+  return {jacobian, activation, reference};
 }
 
 /// Fills rows, active rows, status and bad row. Rows that are inactive are checked too.
-template <class J, class A, class R>
-LevelReport<typename J::Scalar> check_level(const J& jacobian, const A& activation,
-                                            const R& reference, Index columns) noexcept {
-  LevelReport<typename J::Scalar> level;
-  level.rows = jacobian.rows();
-  if (jacobian.cols() != columns || activation.cols() != 1 || reference.cols() != 1 ||
-      activation.rows() != level.rows || reference.rows() != level.rows) {
+template <class Scalar>
+LevelReport<Scalar> check_level(const LevelInput<Scalar>& input, Index columns) noexcept {
+  const auto& [jacobian, activation, reference] = input;
+  LevelReport<Scalar> level;
+  level.rows = jacobian.rows;
+  if (jacobian.cols != columns || activation.cols != 1 || reference.cols != 1 ||
+      activation.rows != level.rows || reference.rows != level.rows) {
     level.status = Status::wrong_size;
     return level;
   }
-  // Zero but for infinities and NaN, which stay; Eigen's allFinite is not vectorized.
-  using Scalar = typename J::Scalar;
-  bool good = (jacobian * Scalar(0)).sum() == Scalar(0);
+  bool good = jacobian.finite();
   for (Index i = 0; i < level.rows; ++i) {
     const Scalar a = activation(i);
     good &= a >= Scalar(0) && a <= Scalar(1) && reference(i) * Scalar(0) == Scalar(0);
@@ -47,8 +135,8 @@ LevelReport<typename J::Scalar> check_level(const J& jacobian, const A& activati
   if (good) return level;
   for (Index i = 0; i < level.rows && level.bad_row < 0; ++i) {
     const Scalar a = activation(i);
-    const bool finite =
-        std::isfinite(a) && std::isfinite(reference(i)) && jacobian.row(i).allFinite();
+    bool finite = std::isfinite(a) && std::isfinite(reference(i));
+    for (Index j = 0; j < columns; ++j) finite = finite && std::isfinite(jacobian(i, j));
     if (finite && a >= Scalar(0) && a <= Scalar(1)) continue;
     level.status = finite ? Status::activation_out_of_range : Status::non_finite;
     level.bad_row = i;
@@ -56,20 +144,24 @@ LevelReport<typename J::Scalar> check_level(const J& jacobian, const A& activati
   return level;
 }
 
-/// Sums what the report says of a level; `finish` makes norms of it.
-template <class Scalar>
-struct RateNorms {
-  Scalar requested{0}, achieved{0}, error{0};
-  void add(Scalar x, Scalar y) noexcept {
+/// What the report says of a solved level, of which the first `columns` columns of the Jacobian
+/// meet the velocity `rho`. Rows without activation do not count.
+template <int N, class Scalar>
+void report_rates(const LevelInput<Scalar>& input, Index columns, const Scalar* rho,
+                  LevelReport<Scalar>& level) noexcept {
+  Scalar requested(0), achieved(0), error(0);
+  for (Index i = 0; i < level.rows; ++i) {
+    const Scalar a = input.activation(i);
+    if (a == Scalar(0)) continue;
+    const Scalar y = a * input.jacobian.template row_dot<N>(i, columns, rho);
+    const Scalar x = a * input.reference(i);
     requested += x * x;
     achieved += y * y;
     error += (x - y) * (x - y);
   }
-  void finish(LevelReport<Scalar>& level) const noexcept {
-    level.requested_rate = std::sqrt(requested);
-    level.achieved_rate = std::sqrt(achieved);
-    level.tracking_error = std::sqrt(error);
-  }
-};
+  level.requested_rate = std::sqrt(requested);
+  level.achieved_rate = std::sqrt(achieved);
+  level.tracking_error = std::sqrt(error);
+}
 
 }  // namespace icat::detail

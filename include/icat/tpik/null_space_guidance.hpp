@@ -70,17 +70,12 @@ class NullSpaceGuidance {
   template <class J, class R>
   Status add_task(const Eigen::MatrixBase<J>& jacobian,
                   const Eigen::MatrixBase<R>& reference_rate) noexcept {
-    using Ones = Vector<Scalar, Eigen::Dynamic>;
-    detail::assert_level_sizes<J, Ones, R>();
-    LevelReport<Scalar> level =
-        detail::check_level(jacobian, Ones::Ones(jacobian.rows()), reference_rate, dof());
+    const auto active = Vector<Scalar, Eigen::Dynamic>::Ones(jacobian.rows());
+    const auto input = detail::level_input<Scalar>(jacobian, active, reference_rate);
+    LevelReport<Scalar> level = detail::check_level(input, dof());
     if (level.status == Status::ok && level.rows > 0) {
       if (solve(jacobian, reference_rate, level)) {
-        detail::RateNorms<Scalar> norms;
-        for (Index i = 0; i < level.rows; ++i) {
-          norms.add(reference_rate(i), jacobian.row(i).dot(velocity_.transpose()));
-        }
-        norms.finish(level);
+        detail::report_rates<N>(input, dof(), velocity_.data(), level);
       } else {
         level.status = Status::numerical_failure;
       }

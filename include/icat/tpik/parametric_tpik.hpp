@@ -58,7 +58,7 @@ class ParametricTpik {
 
   /// ρ̃ = 0, P = 0, Q = I. No allocation.
   void reset() noexcept {
-    law_.setZero();
+    detail::fill(law_, Scalar(0));
     iteration_.reset();
     report_.clear();
   }
@@ -68,36 +68,7 @@ class ParametricTpik {
   template <class J, class A, class R>
   Status add_level(const Eigen::MatrixBase<J>& jacobian, const Eigen::MatrixBase<A>& activation,
                    const Eigen::MatrixBase<R>& reference) noexcept {
-    detail::assert_level_sizes<J, A, R>();
-    const Index l = arm_dof();
-    auto level = detail::check_level(jacobian, activation, reference, l + Parameters);
-    if (level.status == Status::ok && level.active_rows > 0) {
-      iteration_.begin(level.active_rows);
-      for (Index i = 0; i < level.rows; ++i) {
-        if (activation(i) == Scalar(0)) continue;
-        const auto arm = jacobian.row(i).head(l);
-        for (Index c = 0; c < columns; ++c) {
-          const Scalar given = c == 0 ? reference(i) : -jacobian(i, l + c - 1);
-          residual_(c) = given - arm.dot(law_.col(c).transpose());
-        }
-        iteration_.row(arm, activation(i), residual_);
-      }
-      if (!iteration_.solve()) {
-        level.status = Status::numerical_failure;
-      } else if (advance(level)) {
-        iteration_.accept();
-        level.regularized = iteration_.regularized();
-        detail::RateNorms<Scalar> norms;
-        for (Index i = 0; i < level.rows; ++i) {
-          const Scalar a = activation(i);
-          if (a == Scalar(0)) continue;
-          norms.add(a * reference(i), a * jacobian.row(i).head(l).dot(rho().transpose()));
-        }
-        norms.finish(level);
-      }
-    }
-    report_.add(level);
-    return level.status;
+    return add(detail::level_input<Scalar>(jacobian, activation, reference));
   }
 
   /// The closing level, which minimizes the arm's motion; call it last, always.
@@ -130,8 +101,8 @@ class ParametricTpik {
 
   ParametricTpik(Index arm_dof, const Options& options, int)
       : iteration_(validated(options, arm_dof), options.regularization, options.projection_weight),
-        law_(Law::Zero(arm_dof, columns)),
-        next_law_(Law::Zero(arm_dof, columns)) {}
+        law_(detail::zeros<Law>(arm_dof, columns)),
+        next_law_(law_) {}
 
   static Index validated(const Options& options, Index arm_dof) {
     if (arm_dof < 1) detail::invalid("ParametricTpik: arm_dof must be >= 1, got ", arm_dof);
@@ -142,19 +113,45 @@ class ParametricTpik {
     return arm_dof;
   }
 
+  Status add(const detail::LevelInput<Scalar>& input) noexcept {
+    const Index l = arm_dof();
+    LevelReport<Scalar> level = detail::check_level(input, l + Parameters);
+    if (level.status == Status::ok && level.active_rows > 0) {
+      iteration_.begin(level.active_rows);
+      for (Index i = 0; i < level.rows; ++i) {
+        const Scalar a = input.activation(i);
+        if (!(a > Scalar(0))) continue;
+        Scalar wanted[columns] = {input.reference(i)};
+        for (Index c = 1; c < columns; ++c) wanted[c] = -input.jacobian(i, l + c - 1);
+        iteration_.row(input.jacobian, i, a, wanted, law_);
+      }
+      if (!iteration_.solve()) {
+        level.status = Status::numerical_failure;
+      } else if (advance(level)) {
+        iteration_.accept();
+        level.regularized = iteration_.regularized();
+        detail::report_rates<N>(input, l, law_.data(), level);
+      }
+    }
+    report_.add(level);
+    return level.status;
+  }
+
   bool advance(LevelReport<Scalar>& level) noexcept {
-    next_law_ = law_ + iteration_.increment.topRows(arm_dof());
-    if (!next_law_.allFinite()) {
+    const auto& increment = iteration_.increment;
+    for (Index c = 0; c < columns; ++c) {
+      for (Index i = 0; i < arm_dof(); ++i) next_law_(i, c) = law_(i, c) + increment(i, c);
+    }
+    if (!detail::all_finite(law_.size(), next_law_.data())) {
       level.status = Status::numerical_failure;
       return false;
     }
-    law_ = next_law_;
+    std::copy_n(next_law_.data(), law_.size(), law_.data());
     return true;
   }
 
   detail::PriorityIteration<Scalar, N, columns, Regularization> iteration_;
   Law law_, next_law_;
-  Eigen::Matrix<Scalar, 1, columns> residual_;
   TpikReport<Scalar> report_;
 };
 

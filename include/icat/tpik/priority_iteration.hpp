@@ -27,6 +27,7 @@
 #include "icat/math/panel.hpp"
 #include "icat/math/regularization.hpp"
 #include "icat/math/spectral_inverse.hpp"
+#include "icat/tpik/level_check.hpp"
 
 namespace icat::detail {
 
@@ -43,8 +44,8 @@ class PriorityIteration {
         eta_(projection_weight),
         dof_(dof),
         free_(dof),
-        a_(dof),
-        tau_(dof),
+        a_(zeros<Vector<Scalar, N>>(dof)),
+        tau_(a_),
         reflectors_(zero_panel<Panel_>(dof, dof)),
         z_(reflectors_),
         k_(reflectors_),
@@ -62,7 +63,7 @@ class PriorityIteration {
         image_(increment),
         small_(increment),
         spectral_(dof),
-        projector_(Square::Identity(dof, dof)) {}
+        projector_(dof, dof) {}
 
   Index dof() const noexcept { return dof_; }
 
@@ -74,9 +75,14 @@ class PriorityIteration {
     small_eigenvalues_ = false;
   }
 
+  /// Q = 0.
+  void reset_to_zero() noexcept {
+    reset();
+    take_all();
+  }
+
   /// Q = `Q0`. Zeros and ones on a diagonal [Coop, Eq. (31)] are a choice of coordinates.
-  template <class Q>
-  void reset(const Eigen::MatrixBase<Q>& Q0) noexcept {
+  void reset(const Input<Scalar>& Q0) noexcept {
     reset();
     bool chooses = true;
     for (Index j = 0; j < dof_; ++j) {
@@ -109,12 +115,16 @@ class PriorityIteration {
     }
   }
 
-  /// One active row: its Jacobian (1 × n), activation and residual e (1 × Columns).
-  template <class J, class E>
-  void row(const J& jacobian, Scalar a, const E& residual) noexcept {
+  /// Active row `i` of a Jacobian (the first n columns count) and its activation; e is what is
+  /// `wanted` of it (1 × Columns) less what `current` (n × Columns) does already.
+  template <class Current>
+  void row(const Input<Scalar>& jacobian, Index i, Scalar a, const Scalar* wanted,
+           const Current& current) noexcept {
     if (stored_ == dof_) absorb();
-    for (Index i = 0; i < dof_; ++i) jt_(i, stored_) = jacobian(i);
-    for (Index c = 0; c < Columns; ++c) e_(stored_, c) = residual(c);
+    jacobian.template copy_row<N>(i, dof_, at(jt_, stored_));
+    for (Index c = 0; c < Columns; ++c) {
+      e_(stored_, c) = wanted[c] - jacobian.template row_dot<N>(i, dof_, at(current, c));
+    }
     binary_ &= a == Scalar(1);
     a_(stored_++) = a;
   }
@@ -252,10 +262,7 @@ class PriorityIteration {
   }
   template <class P>
   static bool finite(const P& p, Index columns) noexcept {
-    // Zero but for infinities and NaN, which stay.
-    Scalar sum(0);
-    for (Index i = 0; i < columns * p.outerStride(); ++i) sum += p.data()[i] * Scalar(0);
-    return sum == Scalar(0);
+    return all_finite(columns * p.outerStride(), p.data());
   }
 
   bool tall() const noexcept { return active_ > free_; }

@@ -59,7 +59,7 @@ class Tpik {
 
   /// ρ₀ = 0, Q₀ = I. No allocation.
   void reset() noexcept {
-    rho_.setZero();
+    detail::fill(rho_, Scalar(0));
     iteration_.reset();
     report_.clear();
   }
@@ -70,16 +70,18 @@ class Tpik {
   template <class R, class Q>
   Status reset(const Eigen::MatrixBase<R>& rho0, const Eigen::MatrixBase<Q>& Q0) noexcept {
     report_.clear();
-    const bool sized = rho0.size() == dof() && Q0.rows() == dof() && Q0.cols() == dof();
-    if (!sized || !rho0.allFinite() || !Q0.allFinite()) {
-      rho_.setZero();
-      iteration_.reset(SquareN::Zero(dof(), dof()));
+    const detail::Input<Scalar> velocity(rho0), projector(Q0);
+    const bool sized = velocity.rows * velocity.cols == dof() && velocity.cols == 1 &&
+                       projector.rows == dof() && projector.cols == dof();
+    if (!sized || !velocity.finite() || !projector.finite()) {
+      detail::fill(rho_, Scalar(0));
+      iteration_.reset_to_zero();
       const Status status = sized ? Status::non_finite : Status::wrong_size;
       report_.fail(status, -1, -1);
       return status;
     }
-    for (Index i = 0; i < dof(); ++i) rho_(i) = rho0(i);
-    iteration_.reset(Q0);
+    for (Index i = 0; i < dof(); ++i) rho_(i) = velocity(i);
+    iteration_.reset(projector);
     return Status::ok;
   }
 
@@ -94,25 +96,7 @@ class Tpik {
   template <class J, class A, class R>
   Status add_level(const Eigen::MatrixBase<J>& jacobian, const Eigen::MatrixBase<A>& activation,
                    const Eigen::MatrixBase<R>& reference) noexcept {
-    detail::assert_level_sizes<J, A, R>();
-    LevelReport<Scalar> level = detail::check_level(jacobian, activation, reference, dof());
-    if (level.status == Status::ok && level.active_rows > 0) {
-      iteration_.begin(level.active_rows);
-      for (Index i = 0; i < level.rows; ++i) {
-        if (activation(i) == Scalar(0)) continue;
-        residual_(0) = reference(i) - jacobian.row(i).dot(rho_.transpose());
-        iteration_.row(jacobian.row(i), activation(i), residual_);
-      }
-      if (!iteration_.solve()) {
-        level.status = Status::numerical_failure;
-      } else if (advance(level)) {
-        iteration_.accept();
-        level.regularized = iteration_.regularized();
-        rate_norms(jacobian, activation, reference, level);
-      }
-    }
-    report_.add(level);
-    return level.status;
+    return add(detail::level_input<Scalar>(jacobian, activation, reference));
   }
 
   /// The closing level of Eq. (23), which keeps ẏ continuous: call it last, always. Listed in the
@@ -123,7 +107,9 @@ class Tpik {
     if (!iteration_.close(rho_)) {
       level.status = Status::numerical_failure;
     } else if (advance(level)) {
-      level.achieved_rate = level.tracking_error = rho_.norm();
+      Scalar square(0);
+      for (Index i = 0; i < dof(); ++i) square += rho_(i) * rho_(i);
+      level.achieved_rate = level.tracking_error = std::sqrt(square);
     }
     report_.add(level);
     return level.status;
@@ -141,8 +127,8 @@ class Tpik {
   Tpik(Index dof, const Options& options, int)
       : options_(validated(options, dof)),
         iteration_(dof, options.regularization, options.projection_weight),
-        rho_(VectorN::Zero(dof)),
-        next_rho_(VectorN::Zero(dof)) {}
+        rho_(detail::zeros<VectorN>(dof)),
+        next_rho_(detail::zeros<VectorN>(dof)) {}
 
   static const Options& validated(const Options& options, Index dof) {
     if (dof < 1) detail::invalid("Tpik: dof must be >= 1, got ", dof);
@@ -154,39 +140,47 @@ class Tpik {
     return options;
   }
 
+  Status add(const detail::LevelInput<Scalar>& input) noexcept {
+    LevelReport<Scalar> level = detail::check_level(input, dof());
+    if (level.status == Status::ok && level.active_rows > 0) {
+      iteration_.begin(level.active_rows);
+      for (Index i = 0; i < level.rows; ++i) {
+        const Scalar a = input.activation(i), wanted = input.reference(i);
+        if (a > Scalar(0)) iteration_.row(input.jacobian, i, a, &wanted, rho_);
+      }
+      if (!iteration_.solve()) {
+        level.status = Status::numerical_failure;
+      } else if (advance(level)) {
+        iteration_.accept();
+        level.regularized = iteration_.regularized();
+        detail::report_rates<N>(input, dof(), rho_.data(), level);
+      }
+    }
+    report_.add(level);
+    return level.status;
+  }
+
   /// ρ += Sat(Δ); false, and ρ as it was, if that overflows.
   bool advance(LevelReport<Scalar>& level) noexcept {
-    next_rho_ = rho_;
+    const Scalar* increment = iteration_.increment.data();
+    std::copy_n(rho_.data(), dof(), next_rho_.data());
     if (options_.bounds) {
-      level.saturation_scale = options_.bounds->scale(rho_, iteration_.increment);
-      options_.bounds->advance(next_rho_, iteration_.increment, level.saturation_scale);
+      level.saturation_scale = options_.bounds->scale(dof(), rho_.data(), increment);
+      options_.bounds->advance(dof(), next_rho_.data(), increment, level.saturation_scale);
     } else {
-      next_rho_ += iteration_.increment.col(0).head(dof());
+      for (Index i = 0; i < dof(); ++i) next_rho_(i) += increment[i];
     }
-    if (!next_rho_.allFinite()) {
+    if (!detail::all_finite(dof(), next_rho_.data())) {
       level.status = Status::numerical_failure;
       return false;
     }
-    rho_ = next_rho_;
+    std::copy_n(next_rho_.data(), dof(), rho_.data());
     return true;
-  }
-
-  template <class J, class A, class R>
-  void rate_norms(const J& jacobian, const A& activation, const R& reference,
-                  LevelReport<Scalar>& level) const noexcept {
-    detail::RateNorms<Scalar> norms;
-    for (Index i = 0; i < level.rows; ++i) {
-      const Scalar a = activation(i);
-      if (a == Scalar(0)) continue;
-      norms.add(a * reference(i), a * jacobian.row(i).dot(rho_.transpose()));
-    }
-    norms.finish(level);
   }
 
   Options options_;
   detail::PriorityIteration<Scalar, N, 1, Regularization> iteration_;
   VectorN rho_, next_rho_;
-  Vector<Scalar, 1> residual_;
   TpikReport<Scalar> report_;
 };
 

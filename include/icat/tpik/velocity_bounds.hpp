@@ -41,18 +41,18 @@ struct VelocityBounds {
     }
   }
 
-  /// The factor s above. A component that starts outside may move towards its bounds only.
-  template <class Rho, class Delta>
-  Scalar scale(const Rho& rho, const Delta& delta) const noexcept {
-    Scalar s(1);
+  /// The factor s above, for `n` components. A component that starts outside may move towards its
+  /// bounds only.
+  Scalar scale(Index n, const Scalar* rho, const Scalar* delta) const noexcept {
+    Scalar s(1), largest(0);
+    for (Index i = 0; i < n; ++i) largest = std::max(largest, std::abs(delta[i]));
     // What rounding leaves in a component that a higher level holds at its bound must not stop the
     // whole level; `advance` keeps it on the bound.
-    const Scalar rounding =
-        Scalar(4096) * std::numeric_limits<Scalar>::epsilon() * delta.cwiseAbs().maxCoeff();
-    for (Index i = 0; i < rho.size(); ++i) {
-      const Scalar d = delta(i);
+    const Scalar rounding = Scalar(4096) * std::numeric_limits<Scalar>::epsilon() * largest;
+    for (Index i = 0; i < n; ++i) {
+      const Scalar d = delta[i];
       if (std::abs(d) <= rounding) continue;
-      const Scalar room = d > Scalar(0) ? upper(i) - rho(i) : lower(i) - rho(i);
+      const Scalar room = d > Scalar(0) ? upper(i) - rho[i] : lower(i) - rho[i];
       // Compared by multiplication: room / d could overflow for a tiny d.
       if (std::abs(room) >= s * std::abs(d) && (room > Scalar(0)) == (d > Scalar(0))) continue;
       s = (room > Scalar(0)) == (d > Scalar(0)) ? room / d : Scalar(0);
@@ -61,11 +61,10 @@ struct VelocityBounds {
   }
 
   /// `rho += s delta`; rounding cannot carry a component past a bound it was inside of.
-  template <class Rho, class Delta>
-  void advance(Rho& rho, const Delta& delta, Scalar s) const noexcept {
-    for (Index i = 0; i < rho.size(); ++i) {
-      const Scalar next = rho(i) + s * delta(i);
-      rho(i) = std::clamp(next, std::min(lower(i), rho(i)), std::max(upper(i), rho(i)));
+  void advance(Index n, Scalar* rho, const Scalar* delta, Scalar s) const noexcept {
+    for (Index i = 0; i < n; ++i) {
+      const Scalar next = rho[i] + s * delta[i];
+      rho[i] = std::clamp(next, std::min(lower(i), rho[i]), std::max(upper(i), rho[i]));
     }
   }
 };
