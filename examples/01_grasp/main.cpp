@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Runs the reference mission, prints its summary, writes CSV and, where gnuplot is found, pictures.
-#include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
 
-#include "../support.hpp"
+#include "../support/command_line.hpp"
+#include "../support/support.hpp"
 #include "mission.hpp"
 
 namespace {
@@ -138,20 +138,15 @@ void print(const NamedVariant& v, const grasp::Result& r, double seconds) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"The reference mission: navigate, grasp a pipe, lift it."};
-  std::string output = "out/01_grasp", only;
-  bool no_pictures = false;
-  app.add_option("--output", output, "folder of the CSV files and pictures")->capture_default_str();
   std::vector<std::string> names;
   for (const auto& v : variants) names.emplace_back(v.name);
-  app.add_option("--variant", only, "run this one alone")->check(CLI::IsMember(names));
-  app.add_flag("--no-pictures", no_pictures, "do not call gnuplot");
-  CLI11_PARSE(app, argc, argv);
+  const auto arguments = support::parse(
+      argc, argv, "The reference mission: navigate, grasp a pipe, lift it.", "out/01_grasp", names);
 
-  bool all_well = true, drawn = !no_pictures;
+  bool all_well = true, drawn = arguments.pictures;
   double without = 0, with = 0;
   for (const auto& v : variants) {
-    if (!only.empty() && only != v.name) continue;
+    if (!arguments.variant.empty() && arguments.variant != v.name) continue;
     const auto begin = std::chrono::steady_clock::now();
     const grasp::Result r = grasp::run(v.variant);
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin;
@@ -160,7 +155,7 @@ int main(int argc, char** argv) {
     const bool must_grasp = !v.variant.current || v.variant.compensation;
     all_well = all_well && r.status == icat::Status::ok && r.violations.empty() && r.lifted &&
                (r.grasped || !must_grasp);
-    const fs::path folder = fs::path(output) / v.name;
+    const fs::path folder = fs::path(arguments.output) / v.name;
     fs::create_directories(folder);
     write_csv(folder / "mission.csv", r);
     write_scene(folder / "scene.csv", r);
@@ -170,6 +165,6 @@ int main(int argc, char** argv) {
     std::printf("\nIn the current, the compensation makes the tool error %.0f times smaller.\n",
                 without / with);
   }
-  std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", output.c_str());
+  std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
   return all_well ? 0 : 1;
 }

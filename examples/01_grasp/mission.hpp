@@ -12,8 +12,11 @@
 #include <string>
 #include <vector>
 
+#include "../support/geometry.hpp"
+
 namespace grasp {
 
+using support::pose;
 using Robot = icat::Uvms<double, 7>;
 using Pose = icat::Pose<double>;
 using Vector3 = icat::Vector3<double>;
@@ -28,16 +31,6 @@ struct Variant {
 
 // --- the scene, NED: z points down ---------------------------------------------------------------
 
-inline Pose pose(const Vector3& position, double roll, double pitch, double yaw) {
-  Pose p = Pose::Identity();
-  p.translation() = position;
-  p.linear() =
-      (Eigen::AngleAxisd(yaw, Vector3::UnitZ()) * Eigen::AngleAxisd(pitch, Vector3::UnitY()) *
-       Eigen::AngleAxisd(roll, Vector3::UnitX()))
-          .toRotationMatrix();
-  return p;
-}
-
 inline constexpr double heading = 0.6;            ///< of the vehicle at the pipe, rad
 inline const Vector3 pipe_centre{0.5, 0.5, 3.0};  ///< [Coop, V]
 inline const Vector3 companion{-1.3, -0.3, 1.4};  ///< another vehicle, hovering on the way
@@ -45,11 +38,7 @@ inline const double companion_distance = 1.0;     ///< to be kept from it, m
 inline const double lift_height = 0.5;
 
 /// The pipe lies across the heading. The gripper approaches from above, its y axis along the pipe.
-inline Pose grasp_goal() {
-  Pose goal = pose(pipe_centre, 0, 0, heading);
-  goal.linear() = goal.linear() * Vector3(-1, -1, 1).asDiagonal();
-  return goal;
-}
+inline Pose grasp_goal() { return support::turned_half(pose(pipe_centre, 0, 0, heading)); }
 inline Pose lift_goal() {
   Pose goal = grasp_goal();
   goal.translation().z() -= lift_height;
@@ -57,9 +46,7 @@ inline Pose lift_goal() {
 }
 /// Hovering above the pipe and behind it, the arm in its initial shape some 0.4 m short of it.
 inline Pose hover_goal() {
-  Pose goal = pose(Vector3::Zero(), 0, 0, heading);
-  goal.translation() = pipe_centre - goal.linear() * Vector3(0.65, 0.1, 1.6);
-  return goal;
+  return pose(pipe_centre, 0, 0, heading) * pose({-0.65, -0.1, -1.6}, 0, 0, 0);
 }
 
 inline Robot make_robot() {
@@ -240,29 +227,22 @@ Result run(const Variant& variant, double dt, Observe observe) {
     s.vehicle = robot.vehicle();
     s.tool = robot.tool();
     const Pose goal = s.action == "lift" ? lift_goal() : grasp_goal();
-    s.position_error = (goal.translation() - s.tool.translation()).norm();
-    s.orientation_error =
-        icat::rotation_log<double>(goal.linear() * s.tool.linear().transpose()).norm();
-    s.joint_margin = std::min((robot.q() - robot.arm().lower_limits()).minCoeff(),
-                              (robot.arm().upper_limits() - robot.q()).minCoeff());
+    const auto tool = support::distance(goal, s.tool),
+               hover = support::distance(hover_goal(), s.vehicle);
+    s.position_error = tool.position;
+    s.orientation_error = tool.orientation;
+    s.vehicle_position = hover.position;
+    s.vehicle_orientation = hover.orientation;
+    s.joint_margin = support::joint_margin(robot);
     s.manipulability = robot.manipulability().value;
-    const Vector3 view = robot.camera().inverse() * pipe_centre;
-    s.centering = std::acos(std::clamp(view.z() / view.norm(), -1.0, 1.0));
-    s.attitude = std::acos(std::clamp(s.vehicle.linear()(2, 2), -1.0, 1.0));
-    s.distance = (companion - s.vehicle.translation()).norm();
-    s.vehicle_position = (hover_goal().translation() - s.vehicle.translation()).norm();
-    s.vehicle_orientation =
-        icat::rotation_log<double>(hover_goal().linear() * s.vehicle.linear().transpose()).norm();
+    s.centering = support::angle_from_z(robot.camera(), pipe_centre);
+    s.attitude = std::acos(std::clamp(s.vehicle.matrix()(2, 2), -1.0, 1.0));
+    s.distance = support::distance(pose(companion, 0, 0, 0), s.vehicle).position;
     for (std::size_t i = 0; i < watched.size(); ++i) {
       s.activations.push_back(controller.phase_activations()[i] *
                               watched[i]->activation().maxCoeff());
     }
-    const Pose base = s.vehicle * robot.description().arm_mount;
-    for (int j = 0; j < 7; ++j) {
-      s.arm.col(j) = base * Vector3(robot.arm_state().points.col(j));
-    }
-    s.arm.col(7) = base * robot.arm_state().end_effector.translation();
-    s.arm.col(8) = s.tool.translation();
+    s.arm = support::arm_points(robot, s.tool);
     return s;
   };
 

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Runs the cooperative mission in still water, in a current, and with one solver for both robots;
 // prints its figures beside the paper's, writes CSV and, where gnuplot is found, pictures.
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <map>
 
-#include "../support.hpp"
+#include "../support/command_line.hpp"
+#include "../support/support.hpp"
 #include "mission.hpp"
 
 namespace {
@@ -178,20 +178,16 @@ void print_comparison(const cooperation::Result& own, const cooperation::Result&
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"Two vehicles grasp a pipe, carry it to another place and set it down."};
-  std::string output = "out/02_cooperative_mission", only;
-  bool no_pictures = false;
-  app.add_option("--output", output, "folder of the CSV files and pictures")->capture_default_str();
   std::vector<std::string> names;
   for (const auto& v : variants) names.emplace_back(v.name);
-  app.add_option("--variant", only, "run this one alone")->check(CLI::IsMember(names));
-  app.add_flag("--no-pictures", no_pictures, "do not call gnuplot");
-  CLI11_PARSE(app, argc, argv);
+  const auto arguments = support::parse(
+      argc, argv, "Two vehicles grasp a pipe, carry it to another place and set it down.",
+      "out/02_cooperative_mission", names);
 
   std::map<std::string, cooperation::Result> results;
-  bool all_well = true, drawn = !no_pictures;
+  bool all_well = true, drawn = arguments.pictures;
   for (const auto& v : variants) {
-    if (!only.empty() && only != v.name) continue;
+    if (!arguments.variant.empty() && arguments.variant != v.name) continue;
     const std::clock_t begin = std::clock();
     double seconds = 0;
     {
@@ -204,20 +200,20 @@ int main(int argc, char** argv) {
     all_well = all_well && r.status == icat::Status::ok && r.ends.size() == 7 &&
                (r.finished || v.variant.current);
     if (r.ends.size() < 7) continue;
-    const fs::path folder = fs::path(output) / v.name;
+    const fs::path folder = fs::path(arguments.output) / v.name;
     fs::create_directories(folder);
     write_csv(folder / "mission.csv", r);
     write_scene(folder / "scene.csv", r);
     if (drawn) drawn = draw(folder, v.title, r);
   }
   print_phases(results);
-  if (only.empty() && all_well) {
+  if (arguments.variant.empty() && all_well) {
     print_comparison(results["plain"], results["centralized"]);
     std::printf(
         "\nIn the current, the compensation makes the error of the object's velocity "
         "%.0f times smaller.\n",
         results["current"].object_speed_error / results["compensated"].object_speed_error);
   }
-  std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", output.c_str());
+  std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
   return all_well ? 0 : 1;
 }

@@ -13,8 +13,11 @@
 #include <string>
 #include <vector>
 
+#include "../support/geometry.hpp"
+
 namespace cooperation {
 
+using support::pose;
 using Robot = icat::Uvms<double, 7>;
 using Pose = icat::Pose<double>;
 using Vector3 = icat::Vector3<double>;
@@ -32,16 +35,6 @@ struct Variant {
 
 // --- the scene, NED: z points down ---------------------------------------------------------------
 
-inline Pose pose(const Vector3& position, double roll, double pitch, double yaw) {
-  Pose p = Pose::Identity();
-  p.translation() = position;
-  p.linear() =
-      (Eigen::AngleAxisd(yaw, Vector3::UnitZ()) * Eigen::AngleAxisd(pitch, Vector3::UnitY()) *
-       Eigen::AngleAxisd(roll, Vector3::UnitX()))
-          .toRotationMatrix();
-  return p;
-}
-
 // [Coop, V]: the pipe's centre, the grasps, the goals. The pipe lies along x of its frame.
 inline constexpr double quarter = std::numbers::pi / 2;
 inline const Pose pipe_start = pose({0.5, 0.5, 3}, 0, 0, 0);
@@ -51,9 +44,7 @@ inline constexpr double grasp_distance = 1.5, step_back = 0.5;
 
 /// Grippers come from above, their y axis along the pipe. `side` is −1 for robot a, +1 for b.
 inline Pose grasp_on_pipe(double side) {
-  Pose g = pose({side * grasp_distance, 0, 0}, 0, 0, quarter);
-  g.linear() = g.linear() * Vector3(-1, -1, 1).asDiagonal();
-  return g;
+  return support::turned_half(pose({side * grasp_distance, 0, 0}, 0, 0, quarter));
 }
 /// Where the vehicle hovers before it grasps: above the pipe and behind it, facing it.
 inline Pose hover(double side) {
@@ -269,10 +260,6 @@ inline double alternation(double d1, double d2, double d3) {
   return std::min({std::abs(d1), std::abs(d2), std::abs(d3)});
 }
 
-inline double angle_between(const Pose& a, const Pose& b) {
-  return icat::rotation_log<double>(a.linear() * b.linear().transpose()).norm();
-}
-
 /// Runs the mission; `progress(t)` is called every cycle.
 inline Result run(const Variant& variant, const std::function<void(double)>& progress = {}) {
   Side a(-1, variant), b(1, variant);
@@ -368,13 +355,11 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
         actual.segment<3>(7) += r.vehicle.linear().transpose() * sinusoidal_current(t);
       }
       r.tool_velocity = side.robot.tool_jacobian(icat::Frame::tool) * actual;
-      r.joint_margin = std::min((r.q - side.robot.arm().lower_limits()).minCoeff(),
-                                (side.robot.arm().upper_limits() - r.q).minCoeff());
+      r.joint_margin = support::joint_margin(side.robot);
       r.manipulability = side.robot.manipulability().value;
-      r.attitude = std::acos(std::clamp(r.vehicle.linear()(2, 2), -1.0, 1.0));
-      const Vector3 view =
-          side.robot.camera().inverse() * (pipe_start * grasp_on_pipe(i ? 1 : -1)).translation();
-      r.centering = std::acos(std::clamp(view.z() / view.norm(), -1.0, 1.0));
+      r.attitude = std::acos(std::clamp(r.vehicle.matrix()(2, 2), -1.0, 1.0));
+      const Pose target = pipe_start * grasp_on_pipe(i ? 1 : -1);
+      r.centering = support::angle_from_z(side.robot.camera(), target.translation());
       r.limit_activations.fill(0);
       r.activations.fill(0);
       const auto& own = agents[i]->own();
@@ -401,12 +386,7 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
         }
       }
       r.activations[8] = agents[i]->agreement_activation();
-      const Pose base = r.vehicle * side.robot.description().arm_mount;
-      for (int j = 0; j < 7; ++j) {
-        r.arm.col(j) = base * Vector3(side.robot.arm_state().points.col(j));
-      }
-      r.arm.col(7) = base * side.robot.arm_state().end_effector.translation();
-      r.arm.col(8) = r.gripper.translation();
+      r.arm = support::arm_points(side.robot, r.gripper);
     }
     if (grasped) {
       object.translation() = (s.robots[0].tool.translation() + s.robots[1].tool.translation()) / 2;
@@ -416,9 +396,10 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
     }
     s.object = object;
     const Pose& goal = phase <= 2 ? pipe_start : phase == 3 ? pre_deployment : deployment;
-    s.position_error = (goal.translation() - object.translation()).norm();
-    s.orientation_error = angle_between(goal, object);
-    s.distance = (s.robots[0].vehicle.translation() - s.robots[1].vehicle.translation()).norm();
+    const auto error = support::distance(goal, object);
+    s.position_error = error.position;
+    s.orientation_error = error.orientation;
+    s.distance = support::distance(s.robots[0].vehicle, s.robots[1].vehicle).position;
     s.mismatch = (s.robots[0].tool_velocity - s.robots[1].tool_velocity).norm();
 
     // Judge.
@@ -447,9 +428,9 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
     if (grasped) {
       result.mismatch = std::max(result.mismatch, s.mismatch);
       const Pose relative = s.robots[0].tool.inverse() * s.robots[1].tool;
-      result.drift =
-          std::max(result.drift, (relative.translation() - tool_b_in_a.translation()).norm());
-      result.drift_angle = std::max(result.drift_angle, angle_between(relative, tool_b_in_a));
+      const auto drift = support::distance(relative, tool_b_in_a);
+      result.drift = std::max(result.drift, drift.position);
+      result.drift_angle = std::max(result.drift_angle, drift.orientation);
     }
     result.samples.push_back(s);
     if (progress) progress(t);
@@ -465,16 +446,15 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
     const double position_tolerance = 5e-4 * steady, orientation_tolerance = 5e-4 * steady;
     const auto all = [&](auto condition) { return condition(0) && condition(1); };
     const auto at = [&](const Pose& p, const Pose& q) {
-      return (p.translation() - q.translation()).norm() < position_tolerance &&
-             angle_between(p, q) < orientation_tolerance;
+      const auto d = support::distance(p, q);
+      return d.position < position_tolerance && d.orientation < orientation_tolerance;
     };
     bool done = false;
     switch (phase) {
       case 0:
         done = all([&](std::size_t i) {
-          const Pose h = hover(i ? 1 : -1);
-          return (h.translation() - s.robots[i].vehicle.translation()).norm() < hover_position &&
-                 angle_between(h, s.robots[i].vehicle) < hover_orientation;
+          const auto d = support::distance(hover(i ? 1 : -1), s.robots[i].vehicle);
+          return d.position < hover_position && d.orientation < hover_orientation;
         });
         break;
       case 1:

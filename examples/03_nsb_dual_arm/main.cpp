@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Runs the dual-arm vehicle of [NSB], prints null-space-based guidance and iCAT side by side,
 // writes CSV and, where gnuplot is found, pictures.
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <string>
 
-#include "../support.hpp"
+#include "../support/command_line.hpp"
+#include "../support/support.hpp"
 #include "mission.hpp"
 
 namespace {
@@ -133,12 +133,9 @@ void print(const std::vector<Run>& runs) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"Null-space-based guidance of a planar dual-arm vehicle, and iCAT beside it."};
-  std::string output = "out/03_nsb_dual_arm";
-  bool no_pictures = false;
-  app.add_option("--output", output, "folder of the CSV files and pictures")->capture_default_str();
-  app.add_flag("--no-pictures", no_pictures, "do not call gnuplot");
-  CLI11_PARSE(app, argc, argv);
+  const auto arguments = support::parse(
+      argc, argv, "Null-space-based guidance of a planar dual-arm vehicle, and iCAT beside it.",
+      "out/03_nsb_dual_arm");
 
   const nsb::Scenario line, conflict = nsb::conflict(), limit = nsb::joint_limit();
   nsb::Scenario stops = limit;
@@ -158,17 +155,17 @@ int main(int argc, char** argv) {
       "of priority for the leader from %d, for the follower from %d.\n",
       order.starts, nsb::tolerance, order.converged, order.leader, order.follower);
 
-  fs::create_directories(output);
+  fs::create_directories(arguments.output);
   bool all_well = true;
   for (const Run& run : runs) {
-    write_csv(fs::path(output) / (std::string(run.file) + ".csv"), run.result);
+    write_csv(fs::path(arguments.output) / (std::string(run.file) + ".csv"), run.result);
     all_well = all_well && run.result.status == icat::Status::ok;
     if (run.settings.reach < 1 && !run.settings.stops) {
       for (const double error : run.result.last_error) all_well &= error < nsb::tolerance;
     }
   }
-  write_snapshots(fs::path(output) / "snapshots.csv", line, runs[0].result);
-  const bool drawn = !no_pictures && draw(output);
-  std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", output.c_str());
+  write_snapshots(fs::path(arguments.output) / "snapshots.csv", line, runs[0].result);
+  const bool drawn = arguments.pictures && draw(arguments.output);
+  std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
   return all_well ? 0 : 1;
 }

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Runs the rows of [Coop, Table III], prints the paper's table beside its own, writes CSV and,
 // where gnuplot is found, pictures. With --sensitivity: how the table changes with two choices.
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 
-#include "../support.hpp"
+#include "../support/command_line.hpp"
+#include "../support/support.hpp"
 #include "table.hpp"
 
 namespace {
@@ -135,13 +135,9 @@ void sensitivity(const fs::path& folder) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"The hydrodynamic runs of Table III: two vehicles carry a pipe."};
-  std::string output = "out/04_table3";
-  bool no_pictures = false, study = false;
-  app.add_option("--output", output, "folder of the CSV files and pictures")->capture_default_str();
-  app.add_flag("--no-pictures", no_pictures, "do not call gnuplot");
-  app.add_flag("--sensitivity", study, "vary the two most influential choices, too");
-  CLI11_PARSE(app, argc, argv);
+  const auto arguments = support::parse(
+      argc, argv, "The hydrodynamic runs of Table III: two vehicles carry a pipe.", "out/04_table3",
+      {}, {"--sensitivity", "vary the two most influential choices, too"});
 
   table3::Table t;
   {
@@ -149,19 +145,19 @@ int main(int argc, char** argv) {
     t = table3::run_all({}, table3::rows.size(), [&](double share) { bar.show(share); });
   }
   print(t);
-  fs::create_directories(output);
+  fs::create_directories(arguments.output);
   std::string names;
   for (std::size_t i = 0; i < t.results.size(); ++i) {
     std::string name = table3::rows[i].name;
     std::replace(name.begin(), name.end(), ' ', '_');
-    write_csv(fs::path(output) / (name + ".csv"), t.results[i]);
+    write_csv(fs::path(arguments.output) / (name + ".csv"), t.results[i]);
     names += name + ' ';
   }
-  if (study) sensitivity(output);
-  const bool drawn =
-      !no_pictures && support::draw("folder = " + support::quoted(output) + "\nrows = '" + names +
-                                    "'\nstudy = " + (study ? "1" : "0"));
-  std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", output.c_str());
+  if (arguments.extended) sensitivity(arguments.output);
+  const bool drawn = arguments.pictures &&
+                     support::draw("folder = " + support::quoted(arguments.output) + "\nrows = '" +
+                                   names + "'\nstudy = " + (arguments.extended ? "1" : "0"));
+  std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
   bool all_well = true;
   for (const auto& r : t.results) all_well = all_well && r.status == icat::Status::ok;
   return all_well ? 0 : 1;

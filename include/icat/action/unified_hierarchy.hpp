@@ -11,10 +11,9 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <map>
-#include <queue>
 #include <set>
-#include <tuple>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "icat/action/action.hpp"
@@ -35,106 +34,116 @@ using UnifiedHierarchy = std::vector<std::vector<HierarchyEntry<R>>>;
 
 namespace detail {
 
+/// The tasks of each level of an action, as numbers.
+using ActionLevels = std::vector<std::vector<std::size_t>>;
+
 /// A search over how many levels of each action are placed already (A*, exact). Cost and bound of a
 /// state are (entries, levels); ties go to the path with the smaller upper levels.
-template <Robot R>
 class HierarchySearch {
  public:
-  explicit HierarchySearch(const std::vector<Action<R>>& actions) {
-    for (const auto& action : actions) {
-      auto& sequence = sequences_.emplace_back();
-      for (const auto& level : action.levels) {
-        auto& ids = sequence.emplace_back();
-        for (const Task<R>& task : level) ids.insert(id_of(&task));
-      }
-    }
-  }
+  HierarchySearch(std::vector<ActionLevels> actions, std::size_t tasks)
+      : actions_(std::move(actions)), tasks_(tasks) {}
 
   /// For each unified level, which actions place their next level there (a bit mask).
-  std::vector<std::size_t> solve() const {
-    const State start(sequences_.size(), 0);
-    std::priority_queue<Node, std::vector<Node>, std::greater<>> open;
+  [[gnu::cold]] std::vector<std::size_t> solve() const {
+    std::vector<Node> open(1);
     std::set<State> closed;
-    open.push({bound(start, 0, 0), {}, {}, start, 0});
+    open[0].placed.assign(actions_.size(), 0);
+    set_bound(open[0]);
     // Orders that agree need one state for each level; many that conflict grow without bound.
     constexpr std::size_t most = 100'000;
     while (true) {
-      const Node node = open.top();
-      open.pop();
-      if (!closed.insert(node.state).second) continue;
+      std::pop_heap(open.begin(), open.end(), worse);
+      const Node node = std::move(open.back());
+      open.pop_back();
+      if (!closed.insert(node.placed).second) continue;
       if (open.size() > most) {
-        invalid("unified_hierarchy: the orders of ", sequences_.size(),
+        invalid("unified_hierarchy: the orders of ", actions_.size(),
                 " actions conflict too much for a shortest list; use fewer actions");
       }
-      const std::size_t unfinished = unfinished_mask(node.state);
+      std::size_t unfinished = 0;
+      for (std::size_t a = 0; a < actions_.size(); ++a) {
+        if (placed(node, a) < actions_[a].size()) unfinished |= std::size_t{1} << a;
+      }
       if (unfinished == 0) return node.moves;
       // Every nonempty subset of the unfinished actions may put its next level here.
       for (std::size_t move = unfinished; move != 0; move = (move - 1) & unfinished) {
         Node next = node;
-        const std::size_t size = united(node.state, move).size();
-        for (std::size_t a = 0; a < next.state.size(); ++a) next.state[a] += (move >> a) & 1;
-        if (closed.contains(next.state)) continue;
-        next.entries += size;
-        next.sizes.push_back(size);
+        State seen(tasks_, 0);
+        const std::size_t before = next.entries;
+        for (std::size_t a = 0; a < actions_.size(); ++a) {
+          if (!((move >> a) & 1)) continue;
+          next.entries += count_new(actions_[a][placed(node, a)], seen);
+          ++next.placed[a];
+        }
+        if (closed.count(next.placed) != 0) continue;
+        next.sizes.push_back(next.entries - before);
         next.moves.push_back(move);
-        next.bound = bound(next.state, next.entries, next.moves.size());
-        open.push(std::move(next));
+        set_bound(next);
+        open.push_back(std::move(next));
+        std::push_heap(open.begin(), open.end(), worse);
       }
     }
   }
 
  private:
-  using State = std::vector<std::size_t>;
-  using Bound = std::pair<std::size_t, std::size_t>;
+  /// How many levels of each action are placed; a character each.
+  using State = std::string;
+  using Counts = std::vector<std::size_t>;
   struct Node {
-    Bound bound;
-    std::vector<std::size_t> sizes;
-    std::vector<std::size_t> moves;
-    State state;
-    std::size_t entries;
-    bool operator>(const Node& o) const {
-      return std::tie(bound, sizes, moves) > std::tie(o.bound, o.sizes, o.moves);
-    }
+    std::size_t entries_bound{0}, levels_bound{0}, entries{0};
+    Counts sizes, moves;
+    State placed;
   };
 
-  std::size_t id_of(const Task<R>* task) { return ids_.emplace(task, ids_.size()).first->second; }
-  std::size_t unfinished_mask(const State& state) const {
-    std::size_t mask = 0;
-    for (std::size_t a = 0; a < state.size(); ++a) {
-      if (state[a] < sequences_[a].size()) mask |= std::size_t{1} << a;
-    }
-    return mask;
+  static std::size_t placed(const Node& node, std::size_t a) {
+    return static_cast<unsigned char>(node.placed[a]);
   }
-  std::set<std::size_t> united(const State& state, std::size_t move) const {
-    std::set<std::size_t> all;
-    for (std::size_t a = 0; a < state.size(); ++a) {
-      if ((move >> a) & 1)
-        all.insert(sequences_[a][state[a]].begin(), sequences_[a][state[a]].end());
+  /// Lexicographic: below, at or above 0 as a is before, equal to or after b.
+  static int compare(const Counts& a, const Counts& b) {
+    for (std::size_t i = 0; i < a.size() && i < b.size(); ++i) {
+      if (a[i] != b[i]) return a[i] < b[i] ? -1 : 1;
     }
-    return all;
+    return a.size() == b.size() ? 0 : a.size() < b.size() ? -1 : 1;
+  }
+  static bool worse(const Node& a, const Node& b) {
+    if (a.entries_bound != b.entries_bound) return a.entries_bound > b.entries_bound;
+    if (a.levels_bound != b.levels_bound) return a.levels_bound > b.levels_bound;
+    if (const int c = compare(a.sizes, b.sizes); c != 0) return c > 0;
+    return compare(a.moves, b.moves) > 0;
+  }
+  /// How many of `tasks` are not among those `seen`, to which they are added.
+  static std::size_t count_new(const std::vector<std::size_t>& tasks, State& seen) {
+    std::size_t count = 0;
+    for (const std::size_t task : tasks) {
+      if (seen[task] == 0) ++count;
+      seen[task] = 1;
+    }
+    return count;
   }
   /// Every task still to come needs one entry more, the longest rest its levels.
-  Bound bound(const State& state, std::size_t entries, std::size_t levels) const {
-    std::set<std::size_t> rest;
-    std::size_t longest = 0;
-    for (std::size_t a = 0; a < state.size(); ++a) {
-      longest = std::max(longest, sequences_[a].size() - state[a]);
-      for (std::size_t k = state[a]; k < sequences_[a].size(); ++k) {
-        rest.insert(sequences_[a][k].begin(), sequences_[a][k].end());
+  void set_bound(Node& node) const {
+    State seen(tasks_, 0);
+    std::size_t rest = 0, longest = 0;
+    for (std::size_t a = 0; a < actions_.size(); ++a) {
+      longest = std::max(longest, actions_[a].size() - placed(node, a));
+      for (std::size_t k = placed(node, a); k < actions_[a].size(); ++k) {
+        rest += count_new(actions_[a][k], seen);
       }
     }
-    return {entries + rest.size(), levels + longest};
+    node.entries_bound = node.entries + rest;
+    node.levels_bound = node.moves.size() + longest;
   }
 
-  std::vector<std::vector<std::set<std::size_t>>> sequences_;
-  std::map<const Task<R>*, std::size_t> ids_;
+  std::vector<ActionLevels> actions_;
+  std::size_t tasks_;
 };
 
 template <Robot R>
-void check_actions(const std::vector<Action<R>>& actions) {
+[[gnu::cold]] void check_actions(const std::vector<Action<R>>& actions) {
   if (actions.empty()) invalid("unified_hierarchy: there are no actions");
   // The search tries every subset of the actions at every step.
-  constexpr std::size_t most = 16;
+  constexpr std::size_t most = 16, most_levels = 255;
   if (actions.size() > most) {
     invalid("unified_hierarchy: at most ", most, " actions, got ", actions.size());
   }
@@ -143,18 +152,42 @@ void check_actions(const std::vector<Action<R>>& actions) {
     if (!names.insert(action.name).second) {
       invalid("unified_hierarchy: two actions are called '", action.name, "'");
     }
-    std::set<const Task<R>*> seen;
+    if (action.levels.size() > most_levels) {
+      invalid("action '", action.name, "': at most ", most_levels, " levels, got ",
+              action.levels.size());
+    }
+    std::vector<const void*> seen;
     for (std::size_t k = 0; k < action.levels.size(); ++k) {
       if (action.levels[k].empty()) {
         invalid("action '", action.name, "': level ", k, " has no tasks");
       }
       for (const Task<R>& task : action.levels[k]) {
-        if (!seen.insert(&task).second) {
+        if (std::find(seen.begin(), seen.end(), &task) != seen.end()) {
           invalid("action '", action.name, "': task '", task.name(), "' stands in it twice");
         }
+        seen.push_back(&task);
       }
     }
   }
+}
+
+/// The order in which the actions' levels are placed, see `HierarchySearch::solve`.
+template <Robot R>
+[[gnu::cold]] std::vector<std::size_t> place_levels(const std::vector<Action<R>>& actions) {
+  std::vector<const void*> tasks;  // A task's number is its index here.
+  std::vector<ActionLevels> numbered;
+  for (const auto& action : actions) {
+    ActionLevels& levels = numbered.emplace_back();
+    for (const auto& level : action.levels) {
+      std::vector<std::size_t>& numbers = levels.emplace_back();
+      for (const Task<R>& task : level) {
+        const auto found = std::find(tasks.begin(), tasks.end(), &task);
+        numbers.push_back(static_cast<std::size_t>(found - tasks.begin()));
+        if (found == tasks.end()) tasks.push_back(&task);
+      }
+    }
+  }
+  return HierarchySearch(std::move(numbered), tasks.size()).solve();
 }
 
 }  // namespace detail
@@ -166,21 +199,19 @@ void check_actions(const std::vector<Action<R>>& actions) {
 /// that
 ///         stands twice in one action.
 template <Robot R>
-UnifiedHierarchy<R> unified_hierarchy(const std::vector<Action<R>>& actions) {
+[[gnu::cold]] UnifiedHierarchy<R> unified_hierarchy(const std::vector<Action<R>>& actions) {
   detail::check_actions(actions);
   UnifiedHierarchy<R> levels;
   std::vector<std::size_t> placed(actions.size(), 0);
-  for (const std::size_t move : detail::HierarchySearch<R>(actions).solve()) {
+  for (const std::size_t move : detail::place_levels(actions)) {
     auto& level = levels.emplace_back();
     for (std::size_t a = 0; a < actions.size(); ++a) {
       if (!((move >> a) & 1)) continue;
       for (Task<R>& task : actions[a].levels[placed[a]++]) {
-        auto entry = std::find_if(level.begin(), level.end(),
-                                  [&](const auto& e) { return e.task == &task; });
-        if (entry == level.end()) {
-          entry = level.insert(level.end(), {&task, std::vector<bool>(actions.size(), false)});
-        }
-        entry->in_action[a] = true;
+        std::size_t i = 0;
+        while (i < level.size() && level[i].task != &task) ++i;
+        if (i == level.size()) level.push_back({&task, std::vector<bool>(actions.size(), false)});
+        level[i].in_action[a] = true;
       }
     }
   }

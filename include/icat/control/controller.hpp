@@ -18,6 +18,7 @@
 
 #include "icat/action/transition.hpp"
 #include "icat/action/unified_hierarchy.hpp"
+#include "icat/math/spatial_algebra.hpp"
 #include "icat/tpik/parametric_tpik.hpp"
 #include "icat/tpik/tpik.hpp"
 
@@ -64,7 +65,7 @@ class Controller {
   Controller(const R& robot, const std::vector<Action<R>>& actions)
       : Controller(robot, actions, Options{}) {}
   /// The same with options.
-  Controller(const R& robot, const std::vector<Action<R>>& actions, Options options)
+  [[gnu::cold]] Controller(const R& robot, const std::vector<Action<R>>& actions, Options options)
       : robot_(robot),
         options_(options),
         hierarchy_(unified_hierarchy(actions)),
@@ -73,10 +74,12 @@ class Controller {
         vehicle_tpik_(make_solver(robot, options)),
         arm_tpik_(make_solver(robot, options)),
         arm_law_(make_law(robot, options)),
-        velocity_(Velocity::Zero(robot.dof())),
-        rho0_(Velocity::Zero(robot.dof())),
-        vehicle_Q0_(Solver::SquareN::Identity(robot.dof(), robot.dof())),
-        arm_Q0_(Solver::SquareN::Identity(robot.dof(), robot.dof())) {
+        velocity_(detail::zeros<Velocity>(robot.dof())),
+        rho0_(velocity_),
+        joint_velocity_(detail::zeros<JointVelocity>(robot.arm_dof())),
+        vehicle_velocity_(detail::zeros<Vector6<Scalar>>(6)),
+        vehicle_Q0_(detail::identity<typename Solver::SquareN>(robot.dof())),
+        arm_Q0_(vehicle_Q0_) {
     for (const auto& action : actions) names_.push_back(action.name);
     for (const auto& level : hierarchy_) {
       Index rows = 0;
@@ -86,15 +89,14 @@ class Controller {
           tasks_.push_back(entry.task);
         }
       }
-      levels_.push_back({JacobianMatrix<Scalar, R::size>::Zero(rows, robot.dof()),
-                         Vector<Scalar, Eigen::Dynamic>::Zero(rows),
-                         Vector<Scalar, Eigen::Dynamic>::Zero(rows)});
+      const auto column = detail::zeros<Vector<Scalar, Eigen::Dynamic>>(rows);
+      levels_.push_back(
+          {detail::zeros<JacobianMatrix<Scalar, R::size>>(rows, robot.dof()), column, column});
     }
-    arm_Q0_.diagonal().template tail<6>().setZero();
     for (Index i = 0; i < 6; ++i) {
-      if (!options.actuated[static_cast<std::size_t>(i)]) {
-        vehicle_Q0_(robot.arm_dof() + i, robot.arm_dof() + i) = Scalar(0);
-      }
+      const Index j = robot.arm_dof() + i;
+      arm_Q0_(j, j) = Scalar(0);
+      if (!options.actuated[static_cast<std::size_t>(i)]) vehicle_Q0_(j, j) = Scalar(0);
     }
   }
   Controller(R&&, const std::vector<Action<R>>&) = delete;
@@ -128,14 +130,15 @@ class Controller {
   /// - a measured velocity that is needed and not finite: zero velocity;
   /// - a time at fault, or no action yet: the velocity stays what it was.
   /// The velocity is always finite, and inside the bounds in what may be chosen.
-  Status step(Scalar time, const Vector6<Scalar>& measured = Vector6<Scalar>::Zero()) noexcept {
+  Status step(Scalar time,
+              const Vector6<Scalar>& measured = detail::zeros<Vector6<Scalar>>(6)) noexcept {
     Status status = update(time);
     if (status != Status::ok) return status;
     status = solve(vehicle_tpik_, vehicle_Q0_, measured);
-    velocity_ = vehicle_tpik_.velocity();
+    take(vehicle_tpik_, 0, robot_.dof());
     if (options_.scheme == Scheme::parallel) {
       const Status arm = solve(arm_tpik_, arm_Q0_, measured);
-      velocity_.head(robot_.arm_dof()) = arm_tpik_.velocity().head(robot_.arm_dof());
+      take(arm_tpik_, 0, robot_.arm_dof());
       if (status == Status::ok) status = arm;
     }
     return status;
@@ -145,7 +148,7 @@ class Controller {
     Status status = update(time);
     if (status != Status::ok) return status;
     status = solve(vehicle_tpik_, vehicle_Q0_, measured);
-    velocity_.template tail<6>() = vehicle_tpik_.velocity().template tail<6>();
+    take(vehicle_tpik_, robot_.arm_dof(), robot_.dof());
     return status;
   }
   /// TPIK 2 alone, at the arm's rate: a new `joint_velocity`.
@@ -153,7 +156,7 @@ class Controller {
     Status status = update(time);
     if (status != Status::ok) return status;
     status = solve(arm_tpik_, arm_Q0_, measured);
-    velocity_.head(robot_.arm_dof()) = arm_tpik_.velocity().head(robot_.arm_dof());
+    take(arm_tpik_, 0, robot_.arm_dof());
     return status;
   }
 
@@ -180,28 +183,10 @@ class Controller {
     }
     std::size_t i = 0;
     for (std::size_t k = 0; k < hierarchy_.size(); ++k) {
-      Level& level = levels_[k];
       Index row = 0;
       for (const auto& entry : hierarchy_[k]) {
-        const Scalar phase = transition_.values()[i++];
-        const Index rows = entry.task->rows();
-        auto jacobian = level.jacobian.middleRows(row, rows);
-        auto reference = level.reference.segment(row, rows);
-        auto activation = level.activation.segment(row, rows);
-        if (!(phase > Scalar(0))) {
-          // Old values could be what made the level be refused; the solver checks inactive rows
-          // too.
-          jacobian.setZero();
-          reference.setZero();
-          activation.setZero();
-        } else if (fits(*entry.task)) {
-          jacobian = entry.task->jacobian();
-          reference = entry.task->reference();
-          activation = phase * entry.task->activation();
-        } else {
-          reference.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
-        }
-        row += rows;
+        stack(*entry.task, transition_.values()[i++], levels_[k], row);
+        row += entry.task->rows();
       }
     }
     return Status::ok;
@@ -210,21 +195,23 @@ class Controller {
   /// ẏ = [q̇; v̄]; v̄ with components on ⟨v⟩. Components that are not actuated hold what was measured.
   const Velocity& velocity() const noexcept { return velocity_; }
   /// q̇ of `velocity`, rad/s or m/s.
-  auto joint_velocity() const noexcept { return velocity_.head(robot_.arm_dof()); }
+  const JointVelocity& joint_velocity() const noexcept { return joint_velocity_; }
   /// q̇ = ρ̃ + P v for the vehicle's velocity `measured`, components on ⟨v⟩; scaled as a whole into
   /// the velocity bounds. Of the last `step_arm_law`; zero velocity where `measured` is not finite.
   JointVelocity joint_velocity(const Vector6<Scalar>& measured) const noexcept {
-    JointVelocity velocity = JointVelocity::Zero(robot_.arm_dof());
-    if (!measured.allFinite()) return velocity;
-    JointVelocity wanted = arm_law_.evaluate(measured);
-    if (!wanted.allFinite()) return velocity;
+    auto velocity = detail::zeros<JointVelocity>(robot_.arm_dof());
+    if (!detail::all_finite(measured)) return velocity;
+    const JointVelocity wanted = arm_law_.evaluate(measured);
+    if (!detail::all_finite(wanted)) return velocity;
     if (!options_.solver.bounds) return wanted;
     const auto& bounds = *options_.solver.bounds;
-    bounds.advance(velocity, wanted, bounds.scale(velocity, wanted));
+    const Index n = robot_.arm_dof();
+    const Scalar scale = bounds.scale(n, velocity.data(), wanted.data());
+    bounds.advance(n, velocity.data(), wanted.data(), scale);
     return velocity;
   }
   /// v̄ of `velocity`, components on ⟨v⟩.
-  auto vehicle_velocity() const noexcept { return velocity_.template tail<6>(); }
+  const Vector6<Scalar>& vehicle_velocity() const noexcept { return vehicle_velocity_; }
 
   /// Name of the action that runs or is being entered; empty before `start`.
   std::string_view action() const noexcept {
@@ -261,6 +248,30 @@ class Controller {
       return Law(robot.arm_dof(), law);
     } else {
       return Law(law);
+    }
+  }
+  /// Components `begin` to `end` of the velocity are those of `tpik`.
+  void take(const Solver& tpik, Index begin, Index end) noexcept {
+    const Index joints = robot_.arm_dof();
+    for (Index i = begin; i < end; ++i) {
+      velocity_(i) = tpik.velocity()(i);
+      (i < joints ? joint_velocity_(i) : vehicle_velocity_(i - joints)) = velocity_(i);
+    }
+  }
+  /// Rows `row`… of `level` are those of `task` with the phase activation `phase`.
+  void stack(const Task<R>& task, Scalar phase, Level& level, Index row) const noexcept {
+    const bool active = phase > Scalar(0), good = fits(task);
+    for (Index i = 0; i < task.rows(); ++i) {
+      // Without activation old values could be what made the level be refused; the solver checks
+      // inactive rows too.
+      const bool use = active && good;
+      for (Index j = 0; j < robot_.dof(); ++j) {
+        level.jacobian(row + i, j) = use ? task.jacobian()(i, j) : Scalar(0);
+      }
+      level.activation(row + i) = use ? phase * task.activation()(i) : Scalar(0);
+      level.reference(row + i) = use      ? task.reference()(i)
+                                 : active ? std::numeric_limits<Scalar>::quiet_NaN()
+                                          : Scalar(0);
     }
   }
   std::size_t count_entries() const {
@@ -321,6 +332,8 @@ class Controller {
   Solver vehicle_tpik_, arm_tpik_;
   Law arm_law_;
   Velocity velocity_, rho0_;
+  JointVelocity joint_velocity_;
+  Vector6<Scalar> vehicle_velocity_;
   typename Solver::SquareN vehicle_Q0_, arm_Q0_;
 };
 

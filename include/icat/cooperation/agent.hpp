@@ -134,7 +134,7 @@ class Agent {
         status = second_.update(time);
       } else {
         status = second_.step_arm(time, measured);
-        velocity_.head(robot_.arm_dof()) = second_.joint_velocity();
+        for (Index i = 0; i < robot_.arm_dof(); ++i) velocity_(i) = second_.joint_velocity()(i);
       }
     }
     return status;
@@ -164,15 +164,18 @@ class Agent {
   }
   /// ẋ̄_t, components on ⟨t⟩: what the tool tasks of shared actions ask for, weighted by their aᵖ.
   Vector6<Scalar> desired() const noexcept {
-    Vector6<Scalar> sum = Vector6<Scalar>::Zero();
+    auto sum = detail::zeros<Vector6<Scalar>>(6);
     for (const auto& [entry, tool] : tools_) {
       const Scalar phase = own_.phase_activations()[entry];
-      if (phase > Scalar(0)) sum += phase * tool->reference();
+      if (!(phase > Scalar(0))) continue;
+      for (Index i = 0; i < 6; ++i) sum(i) += phase * tool->reference()(i);
     }
-    const Matrix3<Scalar> t_R_0 = robot_.tool().linear().transpose();
-    Vector6<Scalar> on_tool;
-    on_tool << t_R_0 * sum.template head<3>(), t_R_0 * sum.template tail<3>();
-    return on_tool;
+    const Matrix3<Scalar> R_t = detail::rotation(robot_.tool());
+    for (Index part = 0; part < 6; part += 3) {
+      detail::set_column3(sum, part, 0,
+                          detail::transposed_times(R_t, detail::column3(sum, part, 0)));
+    }
+    return sum;
   }
   /// State of the exchange.
   const Agreement<Scalar>& agreement() const noexcept { return agreement_; }
@@ -252,31 +255,46 @@ class Agent {
   /// Velocity bounds are no part of it.
   /// T = ∂ẋ_i/∂ẋ̄_i at the tool task's priority level, components on ⟨t⟩.
   Matrix6<Scalar> span() noexcept {
-    const Matrix3<Scalar> R_t = robot_.tool().linear();
+    const Matrix3<Scalar> R_t = detail::rotation(robot_.tool());
+    const Index n = robot_.dof(), first = robot_.arm_dof();
     sensitivity_.reset();
     std::size_t entry_index = 0;
     for (std::size_t k = 0; k <= last_tool_level_ && k < own_.hierarchy().size(); ++k) {
       const auto& level = own_.levels()[k];
-      auto rows = extended_.topRows(level.jacobian.rows());
-      rows.leftCols(robot_.dof()) = level.jacobian;
-      for (Index j = 0; j < 6; ++j) {  // what is not actuated is not free
-        if (!actuated_[static_cast<std::size_t>(j)]) rows.col(robot_.arm_dof() + j).setZero();
+      const auto rows = extended_.topRows(level.jacobian.rows());
+      for (Index j = 0; j < n + 6; ++j) {
+        // What is not actuated is not free.
+        const bool free = j < n && (j < first || actuated_[static_cast<std::size_t>(j - first)]);
+        for (Index i = 0; i < rows.rows(); ++i) {
+          extended_(i, j) = free ? level.jacobian(i, j) : Scalar(0);
+        }
       }
-      rows.template rightCols<6>().setZero();
       Index row = 0;
       for (const auto& entry : own_.hierarchy()[k]) {
         for (const auto& tool : tools_) {
           if (tool.entry != entry_index) continue;
           // The level's residual is ẋ̄ − J ẏ − Jᵛ p: with Jᵛ = −R, p adds to the reference.
-          rows.template block<3, 3>(row, robot_.dof()) = -R_t;
-          rows.template block<3, 3>(row + 3, robot_.dof() + 3) = -R_t;
+          for (Index j = 0; j < 3; ++j) {
+            for (Index i = 0; i < 3; ++i) {
+              extended_(row + i, n + j) = extended_(row + 3 + i, n + 3 + j) = -R_t(i, j);
+            }
+          }
         }
         row += entry.task->rows();
         ++entry_index;
       }
       (void)sensitivity_.add_level(rows, level.activation, level.reference);
     }
-    return robot_.tool_jacobian(Frame::tool) * sensitivity_.P();
+    const auto& J = robot_.tool_jacobian(Frame::tool);
+    const auto& P = sensitivity_.P();
+    Matrix6<Scalar> T;
+    for (Index j = 0; j < 6; ++j) {
+      for (Index i = 0; i < 6; ++i) {
+        T(i, j) = Scalar(0);
+        for (Index k = 0; k < n; ++k) T(i, j) += J(i, k) * P(k, j);
+      }
+    }
+    return T;
   }
 
   struct ToolEntry {

@@ -10,7 +10,6 @@
 /// place, which no acoustic modem can provide; it is here to be compared with.
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <memory>
 #include <vector>
 
@@ -54,11 +53,8 @@ class CentralizedController {
     }
     const Index constraints = 6 * static_cast<Index>(members.size() - 1);
     G_ = Matrix::Zero(constraints, n);
-    GGt_ = Matrix::Zero(constraints, constraints);
-    solved_ = G_;
     Q0_ = Matrix::Zero(n, n);
     rho0_ = Rows::Zero(n);
-    cholesky_ = Eigen::LDLT<Matrix>(constraints);
   }
 
   /// As `Controller::start`, for all.
@@ -107,7 +103,9 @@ class CentralizedController {
     const auto n = static_cast<std::size_t>(robots_[index]->dof());
     std::size_t numbers = 6 * n + n;
     for (const auto& level : parts_[index]->levels()) {
-      numbers += static_cast<std::size_t>((level.activation.array() > Scalar(0)).count()) * (n + 2);
+      for (Index i = 0; i < level.activation.size(); ++i) {
+        if (level.activation(i) > Scalar(0)) numbers += n + 2;
+      }
     }
     return numbers;
   }
@@ -151,32 +149,54 @@ class CentralizedController {
     return first;
   }
 
-  /// Q₀, see the file comment.
+  /// Q₀, see the file comment: I − a BᵀB with an orthonormal basis B of the rows of G.
   void form_start(Scalar firmness) noexcept {
+    detail::fill(G_, Scalar(0));
     Index column = 0;
     for (std::size_t i = 0; i < robots_.size(); ++i) {
       const auto& J = robots_[i]->tool_jacobian(Frame::tool);
       const Index row = 6 * static_cast<Index>(i);
-      if (i + 1 < robots_.size()) G_.block(row, column, 6, J.cols()) = J;
-      if (i > 0) G_.block(row - 6, column, 6, J.cols()) = -J;
+      for (Index c = 0; c < J.cols(); ++c) {
+        for (Index r = 0; r < 6; ++r) {
+          if (i + 1 < robots_.size()) G_(row + r, column + c) = J(r, c);
+          if (i > 0) G_(row - 6 + r, column + c) = -J(r, c);
+        }
+      }
       column += J.cols();
     }
-    Q0_.setIdentity();
+    detail::set_identity(Q0_);
     if (!(firmness > Scalar(0))) return;
-    GGt_.noalias() = G_.lazyProduct(G_.transpose());
-    cholesky_.compute(GGt_);
-    solved_ = G_;
-    cholesky_.solveInPlace(solved_);
-    Q0_.noalias() -= firmness * G_.transpose().lazyProduct(solved_);
+    for (Index k = 0; k < G_.rows(); ++k) {
+      if (!orthonormalize(k)) continue;
+      for (Index j = 0; j < Q0_.cols(); ++j) {
+        for (Index i = 0; i < Q0_.rows(); ++i) Q0_(i, j) -= firmness * G_(k, i) * G_(k, j);
+      }
+    }
+  }
+  /// Makes row `k` of G orthogonal to those before it and of length 1; false, and zero, where
+  /// nothing but rounding is left of it.
+  bool orthonormalize(Index k) noexcept {
+    const Scalar before = G_.row(k).norm();
+    // Twice: where little of the row remains, the first pass leaves rounding of all of it.
+    for (int pass = 0; pass < 2; ++pass) {
+      for (Index l = 0; l < k; ++l) {
+        Scalar dot(0);
+        for (Index j = 0; j < G_.cols(); ++j) dot += G_(k, j) * G_(l, j);
+        for (Index j = 0; j < G_.cols(); ++j) G_(k, j) -= dot * G_(l, j);
+      }
+    }
+    const Scalar rest = G_.row(k).norm();
+    const bool kept = rest > std::sqrt(std::numeric_limits<Scalar>::epsilon()) * before;
+    for (Index j = 0; j < G_.cols(); ++j) G_(k, j) = kept ? G_(k, j) / rest : Scalar(0);
+    return kept;
   }
 
   std::vector<const R*> robots_;
   std::vector<std::unique_ptr<Controller<R, Regularization>>> parts_;
   Solver tpik_;
   std::vector<Level> levels_;
-  Matrix G_, GGt_, solved_, Q0_;
+  Matrix G_, Q0_;
   Rows rho0_;
-  Eigen::LDLT<Matrix> cholesky_;
 };
 
 }  // namespace icat

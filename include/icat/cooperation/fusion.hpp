@@ -121,10 +121,14 @@ class SpanIntersection {
   Vector6<Scalar> nearest(const Vector6<Scalar>& preferred,
                           const Proposals<Scalar>& proposals) noexcept {
     for (std::size_t i = 0; i < proposals.spans.size(); ++i) {
-      const Matrix6<Scalar> blocked = Matrix6<Scalar>::Identity() - proposals.spans[i];
       const Index row = static_cast<Index>(6 * i);
-      rows_.template middleRows<6>(row) = blocked;
-      reference_.template segment<6>(row) = blocked * proposals.velocities[i];
+      for (Index k = 0; k < 6; ++k) {
+        reference_(row + k) = Scalar(0);
+        for (Index j = 0; j < 6; ++j) {
+          rows_(row + k, j) = (k == j ? Scalar(1) : Scalar(0)) - proposals.spans[i](k, j);
+          reference_(row + k) += rows_(row + k, j) * proposals.velocities[i](j);
+        }
+      }
     }
     tpik_.reset();
     Status status = tpik_.add_level(rows_, active_, reference_);
@@ -132,7 +136,7 @@ class SpanIntersection {
       status = tpik_.add_level(Matrix6<Scalar>::Identity(), Vector6<Scalar>::Ones(), preferred);
     }
     const Status closing = tpik_.minimize_velocity();
-    if (status != Status::ok || closing != Status::ok) return Vector6<Scalar>::Zero();
+    if (status != Status::ok || closing != Status::ok) return detail::zeros<Vector6<Scalar>>(6);
     return tpik_.velocity();
   }
 

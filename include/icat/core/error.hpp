@@ -48,7 +48,7 @@ void append(std::string& text, const Part& part) {
 
 /// Throws `std::invalid_argument` whose text is all the parts one after the other.
 template <class... Parts>
-[[noreturn]] void invalid(const Parts&... parts) {
+[[noreturn]] [[gnu::cold]] void invalid(const Parts&... parts) {
   std::string text;
   (append(text, parts), ...);
 #if defined(__cpp_exceptions)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// Matrix and pose types used throughout icat.
+/// Matrix types used throughout icat; poses are in pose.hpp.
 ///
 /// Conventions, everywhere in the library: SI units (m, rad, s); 6-vectors are stacked
 /// `[linear; angular]`; the system velocity is `ẏ = [q̇; v]` [Coop, Eq. (2)] with the vehicle
@@ -9,16 +9,17 @@
 #pragma once
 
 #if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
-#error "icat must not be compiled with -ffast-math, -Ofast or -ffinite-math-only: the compiler \
+#error \
+    "icat must not be compiled with -ffast-math, -Ofast or -ffinite-math-only: the compiler \
 would drop every check for NaN and infinity, and bad input would reach the motors"
 #endif
 #if defined(__ASSOCIATIVE_MATH__)
-#error "icat must not be compiled with -fassociative-math or -funsafe-math-optimizations: \
+#error \
+    "icat must not be compiled with -fassociative-math or -funsafe-math-optimizations: \
 its bounds on rounding errors depend on the order of the sums"
 #endif
 
 #include <Eigen/Core>
-#include <Eigen/Geometry>
 
 namespace icat {
 
@@ -44,10 +45,6 @@ using Matrix3 = Eigen::Matrix<Scalar, 3, 3>;
 /// 6 × 6.
 template <class Scalar>
 using Matrix6 = Eigen::Matrix<Scalar, 6, 6>;
-
-/// Rigid transform; a `Pose` called `a_b` maps components on ⟨b⟩ to components on ⟨a⟩.
-template <class Scalar>
-using Pose = Eigen::Transform<Scalar, 3, Eigen::Isometry>;
 
 namespace detail {
 

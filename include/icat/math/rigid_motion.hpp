@@ -18,6 +18,7 @@
 
 #include "icat/core/types.hpp"
 #include "icat/math/smooth_step.hpp"
+#include "icat/math/spatial_algebra.hpp"
 
 namespace icat {
 
@@ -36,10 +37,19 @@ Scalar half_turn_weight(Scalar angle, Scalar fade = Scalar(half_turn_fade)) noex
 /// in single precision pass, a matrix that was never set or is scaled does not.
 template <class Scalar>
 bool is_rigid(const Pose<Scalar>& pose) noexcept {
-  const Matrix3<Scalar> R = pose.linear();
-  return pose.matrix().allFinite() &&
-         (R.transpose() * R - Matrix3<Scalar>::Identity()).norm() < Scalar(1e-3) &&
-         R.determinant() > Scalar(0);
+  if (!detail::all_finite(pose.matrix())) return false;
+  const Matrix3<Scalar> R = detail::rotation(pose);
+  const Matrix3<Scalar> G = detail::times(detail::transpose(R), R);
+  Scalar square(0);
+  for (Index j = 0; j < 3; ++j) {
+    for (Index i = 0; i < 3; ++i) {
+      const Scalar d = G(i, j) - (i == j ? Scalar(1) : Scalar(0));
+      square += d * d;
+    }
+  }
+  const Vector3<Scalar> x = detail::column3(R, 0, 0), y = detail::column3(R, 0, 1),
+                        z = detail::column3(R, 0, 2);
+  return square < Scalar(1e-6) && detail::dot(detail::cross(x, y), z) > Scalar(0);
 }
 
 /// [a]×, the matrix of b ↦ a × b.
@@ -47,33 +57,101 @@ template <class Derived>
 Matrix3<typename Derived::Scalar> skew(const Eigen::MatrixBase<Derived>& a) noexcept {
   using Scalar = typename Derived::Scalar;
   Matrix3<Scalar> m;
-  m << Scalar(0), -a(2), a(1), a(2), Scalar(0), -a(0), -a(1), a(0), Scalar(0);
+  for (Index i = 0; i < 3; ++i) m(i, i) = Scalar(0);
+  m(2, 1) = a(0), m(1, 2) = -a(0);
+  m(0, 2) = a(1), m(2, 0) = -a(1);
+  m(1, 0) = a(2), m(0, 1) = -a(2);
   return m;
 }
 
-/// Rotation about the unit vector `axis` by `angle` (rad).
+/// Rotation about the unit vector `axis` by `angle` (rad): cosθ I + sinθ [n]× + (1 − cosθ) n nᵀ.
 template <class Scalar>
 Matrix3<Scalar> axis_rotation(const Vector3<Scalar>& axis, Scalar angle) noexcept {
-  return Eigen::AngleAxis<Scalar>(angle, axis).toRotationMatrix();
+  const Scalar c = std::cos(angle), s = std::sin(angle);
+  Matrix3<Scalar> R;
+  for (Index j = 0; j < 3; ++j) {
+    for (Index i = 0; i < 3; ++i) R(i, j) = (Scalar(1) - c) * axis(i) * axis(j);
+    R(j, j) += c;
+  }
+  R(2, 1) += s * axis(0), R(1, 2) -= s * axis(0);
+  R(0, 2) += s * axis(1), R(2, 0) -= s * axis(1);
+  R(1, 0) += s * axis(2), R(0, 1) -= s * axis(2);
+  return R;
 }
 
 /// Rotation matrix of the rotation vector `phi` (rad).
 template <class Scalar>
 Matrix3<Scalar> rotation_exp(const Vector3<Scalar>& phi) noexcept {
-  const Scalar angle = phi.norm();
-  if (angle == Scalar(0)) return Matrix3<Scalar>::Identity();
-  return axis_rotation<Scalar>(phi / angle, angle);
+  const Scalar angle = detail::norm(phi);
+  if (angle == Scalar(0)) return detail::identity<Matrix3<Scalar>>(3);
+  return axis_rotation<Scalar>(detail::scaled(phi, Scalar(1) / angle), angle);
 }
+
+namespace detail {
+
+/// Unit quaternion w + (x, y, z).
+template <class Scalar>
+struct UnitQuaternion {
+  Scalar w;
+  Vector3<Scalar> v;
+
+  /// Of a rotation matrix, which may have lost its orthonormality to rounding; w ≥ 0. The largest
+  /// of the four components is computed by a root, the others by divisions (Shepperd, *Journal of
+  /// Guidance and Control* 1, 1978): nothing cancels.
+  static UnitQuaternion of(const Matrix3<Scalar>& R) noexcept {
+    const Scalar trace = R(0, 0) + R(1, 1) + R(2, 2);
+    UnitQuaternion q;
+    if (trace > Scalar(0)) {
+      const Scalar t = std::sqrt(trace + Scalar(1));
+      q.w = t / Scalar(2);
+      const Scalar f = Scalar(1) / (Scalar(2) * t);
+      q.v = {(R(2, 1) - R(1, 2)) * f, (R(0, 2) - R(2, 0)) * f, (R(1, 0) - R(0, 1)) * f};
+    } else {
+      Index i = R(1, 1) > R(0, 0) ? 1 : 0;
+      if (R(2, 2) > R(i, i)) i = 2;
+      const Index j = (i + 1) % 3, k = (i + 2) % 3;
+      const Scalar t = std::sqrt(R(i, i) - R(j, j) - R(k, k) + Scalar(1));
+      const Scalar f = Scalar(1) / (Scalar(2) * t);
+      q.v(i) = t / Scalar(2);
+      q.w = (R(k, j) - R(j, k)) * f;
+      q.v(j) = (R(j, i) + R(i, j)) * f;
+      q.v(k) = (R(k, i) + R(i, k)) * f;
+    }
+    const Scalar sign = q.w < Scalar(0) ? Scalar(-1) : Scalar(1);
+    const Scalar length = std::sqrt(q.w * q.w + dot(q.v, q.v));
+    q.w *= sign / length;
+    q.v = scaled(q.v, sign / length);
+    return q;
+  }
+
+  /// I + 2 w [v]× + 2 [v]×²
+  Matrix3<Scalar> matrix() const noexcept {
+    Matrix3<Scalar> R;
+    for (Index j = 0; j < 3; ++j) {
+      for (Index i = 0; i < 3; ++i) R(i, j) = Scalar(2) * v(i) * v(j);
+      const Scalar a = v((j + 1) % 3), b = v((j + 2) % 3);
+      R(j, j) = Scalar(1) - Scalar(2) * (a * a + b * b);
+    }
+    const Vector3<Scalar> t = scaled(v, Scalar(2) * w);
+    R(2, 1) += t(0), R(1, 2) -= t(0);
+    R(0, 2) += t(1), R(2, 0) -= t(1);
+    R(1, 0) += t(2), R(0, 1) -= t(2);
+    return R;
+  }
+};
+
+}  // namespace detail
 
 /// Rotation vector of `rotation`, ‖·‖ ≤ π. At π one of the two axes is returned.
 template <class Scalar>
 Vector3<Scalar> rotation_log(const Matrix3<Scalar>& rotation) noexcept {
-  Eigen::Quaternion<Scalar> q(rotation);
-  if (q.w() < Scalar(0)) q.coeffs() = -q.coeffs();
-  const Scalar s = q.vec().norm();
+  const auto q = detail::UnitQuaternion<Scalar>::of(rotation);
+  const Scalar s = detail::norm(q.v);
   // θ/sin(θ/2) → 2 at 0, to rounding below √ε.
-  if (s < std::sqrt(std::numeric_limits<Scalar>::epsilon())) return Scalar(2) * q.vec();
-  return (Scalar(2) * std::atan2(s, q.w()) / s) * q.vec();
+  if (s < std::sqrt(std::numeric_limits<Scalar>::epsilon())) {
+    return detail::scaled(q.v, Scalar(2));
+  }
+  return detail::scaled(q.v, Scalar(2) * std::atan2(s, q.w) / s);
 }
 
 /// Rotation vector (components on the common frame) that turns `current` into `goal`, faded at π:
@@ -81,8 +159,8 @@ Vector3<Scalar> rotation_log(const Matrix3<Scalar>& rotation) noexcept {
 template <class Scalar>
 Vector3<Scalar> orientation_error(const Matrix3<Scalar>& current,
                                   const Matrix3<Scalar>& goal) noexcept {
-  const Vector3<Scalar> phi = rotation_log<Scalar>(goal * current.transpose());
-  return half_turn_weight(phi.norm()) * phi;
+  const Vector3<Scalar> phi = rotation_log<Scalar>(detail::times(goal, detail::transpose(current)));
+  return detail::scaled(phi, half_turn_weight(detail::norm(phi)));
 }
 
 /// `pose` after the body twist `twist` = [linear; angular] (components on the moving frame) was
@@ -90,9 +168,9 @@ Vector3<Scalar> orientation_error(const Matrix3<Scalar>& current,
 /// ever.
 template <class Scalar>
 Pose<Scalar> integrate(const Pose<Scalar>& pose, const Vector6<Scalar>& twist, Scalar dt) noexcept {
-  const Vector3<Scalar> phi = twist.template tail<3>() * dt;
-  const Vector3<Scalar> d = twist.template head<3>() * dt;
-  const Scalar angle = phi.norm();
+  const Vector3<Scalar> phi = detail::scaled(detail::column3(twist, 3, 0), dt);
+  const Vector3<Scalar> d = detail::scaled(detail::column3(twist, 0, 0), dt);
+  const Scalar angle = detail::norm(phi);
   const Scalar sq = angle * angle;
   // (1 − cosθ)/θ² and (θ − sinθ)/θ³; below 1e-2 the next term of the series is < 1e-10 relative.
   const bool small = angle < Scalar(1e-2);
@@ -101,14 +179,12 @@ Pose<Scalar> integrate(const Pose<Scalar>& pose, const Vector6<Scalar>& twist, S
                          : Scalar(2) * half_sin * half_sin / sq;
   const Scalar c = small ? Scalar(1) / Scalar(6) - sq / Scalar(120) + sq * sq / Scalar(5040)
                          : (angle - std::sin(angle)) / (sq * angle);
-  const Vector3<Scalar> step = d + b * phi.cross(d) + c * phi.cross(phi.cross(d));
-  Pose<Scalar> next;
-  next.translation() = pose.translation() + pose.linear() * step;
-  next.linear() = Eigen::Quaternion<Scalar>(pose.linear() * rotation_exp<Scalar>(phi))
-                      .normalized()
-                      .toRotationMatrix();
-  next.makeAffine();
-  return next;
+  const Vector3<Scalar> phi_d = detail::cross(phi, d);
+  const Vector3<Scalar> step =
+      detail::plus(detail::plus(d, b, phi_d), c, detail::cross(phi, phi_d));
+  const Matrix3<Scalar> R = detail::times(detail::rotation(pose), rotation_exp<Scalar>(phi));
+  return detail::make_pose(detail::UnitQuaternion<Scalar>::of(R).matrix(),
+                           detail::transform(pose, step));
 }
 
 /// Misalignment of the unit vector `d` from the z axis of the frame its components are on.
@@ -136,10 +212,12 @@ Misalignment<Scalar> misalignment_from_z(const Vector3<Scalar>& d) noexcept {
   Misalignment<Scalar> m;
   const Scalar s = std::hypot(d(0), d(1));
   m.angle = std::atan2(s, d(2));
-  m.angle_gradient.setZero();
+  detail::fill(m.angle_gradient, Scalar(0));
   // Nearer to the kink than the rounding of d its direction is unknown.
   if (s > Scalar(8) * std::numeric_limits<Scalar>::epsilon()) {
-    m.angle_gradient << d(2) * d(0) / s, d(2) * d(1) / s, -s;
+    m.angle_gradient(0) = d(2) * d(0) / s;
+    m.angle_gradient(1) = d(2) * d(1) / s;
+    m.angle_gradient(2) = -s;
   }
 
   // ξ = g(θ) (−d_y, d_x), g = θ w(θ) / sinθ, with w the fade. Both ends by their series.
@@ -161,9 +239,12 @@ Misalignment<Scalar> misalignment_from_z(const Vector3<Scalar>& d) noexcept {
     g = theta * w / sine;
     g_slope = ((w + theta * w_slope) - g * std::cos(theta)) / sine;
   }
-  m.vector << -g * d(1), g * d(0);
-  m.vector_gradient.row(0) = -d(1) * g_slope * m.angle_gradient;
-  m.vector_gradient.row(1) = d(0) * g_slope * m.angle_gradient;
+  m.vector(0) = -g * d(1);
+  m.vector(1) = g * d(0);
+  for (Index i = 0; i < 3; ++i) {
+    m.vector_gradient(0, i) = -d(1) * g_slope * m.angle_gradient(i);
+    m.vector_gradient(1, i) = d(0) * g_slope * m.angle_gradient(i);
+  }
   m.vector_gradient(0, 1) -= g;
   m.vector_gradient(1, 0) += g;
   return m;

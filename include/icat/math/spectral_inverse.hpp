@@ -25,7 +25,7 @@ class SpectralInverse {
  public:
   using Square = Panel<Scalar, N>;
 
-  explicit SpectralInverse(Index n)
+  [[gnu::cold]] explicit SpectralInverse(Index n)
       : householder_(zero_panel<Square>(n, n)),
         vectors_(householder_),
         tau_(n),

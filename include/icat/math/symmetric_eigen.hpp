@@ -8,6 +8,7 @@
 /// every call for a size that is known at run time only.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -23,28 +24,33 @@ class SymmetricEigen {
 
   /// Decomposes the symmetric `s` (k × k, k at most the size of the construction).
   /// False if the iteration did not converge, as for overflowing input.
-  template <class Derived>
-  bool compute(const Eigen::MatrixBase<Derived>& s) noexcept {
-    size_ = s.rows();
-    auto v = vectors_.topLeftCorner(size_, size_);
-    v = s;
-    const Scalar scale = v.cwiseAbs().maxCoeff();
-    if (!(scale <= std::numeric_limits<Scalar>::max())) return false;
-    if (scale == Scalar(0)) {
-      v.setIdentity();
-      values_.head(size_).setZero();
-      return true;
+  template <class S>
+  bool compute(const S& s) noexcept {
+    const Index n = size_ = s.rows();
+    Scalar scale(0);
+    bool good = true;
+    for (Index j = 0; j < n; ++j) {
+      for (Index i = 0; i < n; ++i) {
+        scale = std::max(scale, std::abs(s(i, j)));
+        good &= std::isfinite(s(i, j));
+      }
     }
-    v /= scale;  // Keeps the squares below away from overflow and underflow.
+    if (!good) return false;
+    // Keeps the squares below away from overflow and underflow.
+    const Scalar factor = scale == Scalar(0) ? Scalar(1) : Scalar(1) / scale;
+    for (Index j = 0; j < n; ++j) {
+      for (Index i = 0; i < n; ++i) vectors_(i, j) = factor * s(i, j);
+    }
     tridiagonalize();
     if (!diagonalize()) return false;
-    values_.head(size_) *= scale;
+    for (Index i = 0; i < n; ++i) values_(i) *= scale;
     return true;
   }
 
-  /// Eigenvalues, unordered, and the matrix whose columns are the eigenvectors.
-  auto values() const noexcept { return values_.head(size_); }
-  auto vectors() const noexcept { return vectors_.topLeftCorner(size_, size_); }
+  /// Eigenvalues, unordered, and the matrix whose columns are the eigenvectors; of the size of the
+  /// construction.
+  const Eigen::Matrix<Scalar, MaxN, 1>& values() const noexcept { return values_; }
+  const Eigen::Matrix<Scalar, MaxN, MaxN>& vectors() const noexcept { return vectors_; }
 
  private:
   using Square = Eigen::Matrix<Scalar, MaxN, MaxN>;
@@ -52,49 +58,50 @@ class SymmetricEigen {
 
   void tridiagonalize() noexcept {
     const Index n = size_;
+    auto& v = vectors_;
     // Reflector j annihilates column j below the subdiagonal; its essential part stays there.
     for (Index j = 0; j + 2 < n; ++j) {
-      const Index m = n - j - 1;
-      auto x = vectors_.col(j).segment(j + 1, m);
-      const Scalar tail = x.tail(m - 1).squaredNorm();
-      Scalar tau(0), beta = x(0);
+      Scalar tail(0);
+      for (Index i = j + 2; i < n; ++i) tail += v(i, j) * v(i, j);
+      const Scalar first = v(j + 1, j);
+      Scalar tau(0), beta = first;
       if (tail > std::numeric_limits<Scalar>::min()) {
-        beta = x(0) >= Scalar(0) ? -std::sqrt(x(0) * x(0) + tail) : std::sqrt(x(0) * x(0) + tail);
-        x.tail(m - 1) /= x(0) - beta;
-        tau = (beta - x(0)) / beta;
+        beta =
+            first >= Scalar(0) ? -std::sqrt(first * first + tail) : std::sqrt(first * first + tail);
+        for (Index i = j + 2; i < n; ++i) v(i, j) /= first - beta;
+        tau = (beta - first) / beta;
       }
-      x(0) = Scalar(1);
+      v(j + 1, j) = Scalar(1);
       sub_(j) = beta;
       values_(j) = tau;  // Until the diagonal is read below.
       if (tau == Scalar(0)) continue;
-      auto rest = vectors_.block(j + 1, j + 1, m, m);
-      auto p = work_.head(m);
-      p = x(0) * rest.col(0);
-      for (Index c = 1; c < m; ++c) p += x(c) * rest.col(c);
-      p *= tau;
-      p -= (tau / Scalar(2) * p.dot(x)) * x;
-      for (Index c = 0; c < m; ++c) rest.col(c) -= p(c) * x + x(c) * p;
+      // rest ← rest − p xᵀ − x pᵀ
+      Scalar px(0);
+      for (Index i = j + 1; i < n; ++i) {
+        Scalar sum(0);
+        for (Index c = j + 1; c < n; ++c) sum += v(i, c) * v(c, j);
+        work_(i) = tau * sum;
+        px += work_(i) * v(i, j);
+      }
+      for (Index i = j + 1; i < n; ++i) work_(i) -= tau / Scalar(2) * px * v(i, j);
+      for (Index c = j + 1; c < n; ++c) {
+        for (Index i = j + 1; i < n; ++i) v(i, c) -= work_(c) * v(i, j) + v(c, j) * work_(i);
+      }
     }
-    if (n >= 2) sub_(n - 2) = vectors_(n - 1, n - 2);
+    if (n >= 2) sub_(n - 2) = v(n - 1, n - 2);
     // Accumulate the reflectors from the last to the first; diagonals are saved before the
     // matrix is overwritten.
-    for (Index j = 0; j < n; ++j) work_(j) = vectors_(j, j);
+    for (Index j = 0; j < n; ++j) work_(j) = v(j, j);
     for (Index j = n - 1; j >= 0; --j) {
-      const Index m = n - j - 1;
-      if (j + 2 >= n) {
-        vectors_.col(j).segment(j, m + 1).setZero();
-        vectors_.row(j).segment(j, m + 1).setZero();
-        vectors_(j, j) = Scalar(1);
-        continue;
+      if (j + 2 < n && values_(j) != Scalar(0)) {
+        for (Index c = j + 1; c < n; ++c) {
+          Scalar sum(0);
+          for (Index i = j + 1; i < n; ++i) sum += v(i, j) * v(i, c);
+          for (Index i = j + 1; i < n; ++i) v(i, c) -= values_(j) * sum * v(i, j);
+        }
       }
-      auto block = vectors_.block(j + 1, j + 1, m, m);
-      auto x = vectors_.col(j).segment(j + 1, m);
-      if (values_(j) != Scalar(0)) {
-        for (Index c = 0; c < m; ++c) block.col(c) -= (values_(j) * x.dot(block.col(c))) * x;
-      }
-      x.setZero();
-      vectors_.row(j).segment(j, m + 1).setZero();
-      vectors_(j, j) = Scalar(1);
+      for (Index i = j; i < n; ++i) v(i, j) = v(j, i) = Scalar(0);
+      v(j, j) = Scalar(1);
     }
     for (Index j = 0; j < n; ++j) values_(j) = work_(j);
   }
@@ -120,7 +127,9 @@ class SymmetricEigen {
       while (start > 0 && sub_(start - 1) != Scalar(0)) --start;
       qr_step(start, end);
     }
-    return values_.head(size_).allFinite();
+    bool good = true;
+    for (Index i = 0; i < size_; ++i) good &= std::isfinite(values_(i));
+    return good;
   }
 
   void qr_step(Index start, Index end) noexcept {
@@ -145,17 +154,11 @@ class SymmetricEigen {
         z = s * sub_(k + 1);
         sub_(k + 1) *= c;
       }
-      rotate(vectors_.col(k).head(size_), vectors_.col(k + 1).head(size_), c, s);
-    }
-  }
-
-  /// (a, b) ← (c a + s b, c b − s a)
-  template <class A, class B>
-  static void rotate(A&& a, B&& b, Scalar c, Scalar s) noexcept {
-    for (Index i = 0; i < a.size(); ++i) {
-      const Scalar ai = a(i), bi = b(i);
-      a(i) = c * ai + s * bi;
-      b(i) = c * bi - s * ai;
+      for (Index i = 0; i < size_; ++i) {
+        const Scalar a = vectors_(i, k), b = vectors_(i, k + 1);
+        vectors_(i, k) = c * a + s * b;
+        vectors_(i, k + 1) = c * b - s * a;
+      }
     }
   }
 

@@ -11,8 +11,7 @@ namespace icat {
 /// frames are parallel to ⟨b⟩.
 template <class Scalar>
 SerialChain<Scalar, 7> maris_arm() {
-  const Vector3<Scalar> y = Vector3<Scalar>::UnitY();
-  const Vector3<Scalar> z = Vector3<Scalar>::UnitZ();
+  const Vector3<Scalar> y(Scalar(0), Scalar(1), Scalar(0)), z(Scalar(0), Scalar(0), Scalar(1));
   const auto at = [](double px, double pz) {
     return Vector3<Scalar>(static_cast<Scalar>(px), Scalar(0), static_cast<Scalar>(pz));
   };
@@ -21,8 +20,8 @@ SerialChain<Scalar, 7> maris_arm() {
     return Joint<Scalar>{JointType::revolute, axis, point, static_cast<Scalar>(lower),
                          static_cast<Scalar>(upper)};
   };
-  Pose<Scalar> end_effector = Pose<Scalar>::Identity();
-  end_effector.translation() = at(-0.1455, 1.2665);
+  const Pose<Scalar> end_effector =
+      detail::make_pose(detail::identity<Matrix3<Scalar>>(3), at(-0.1455, 1.2665));
   return {{joint(z, at(0, 0), -2.9, 2.9),               //
            joint(y, at(0, 0.283), -1.6, 1.65),          //
            joint(z, at(0, 0.283), -2.9, 2.9),           //
@@ -40,10 +39,10 @@ inline constexpr Index maris_elbow_joint = 3;
 /// as (0.167, 0, −0.43) m, turned by π about x and z.)
 template <class Scalar>
 Pose<Scalar> maris_arm_mount() {
-  Pose<Scalar> v_b = Pose<Scalar>::Identity();
-  v_b.linear() = Vector3<Scalar>(Scalar(-1), Scalar(-1), Scalar(1)).asDiagonal();
-  v_b.translation() << static_cast<Scalar>(0.167), Scalar(0), static_cast<Scalar>(0.43);
-  return v_b;
+  auto rotation = detail::identity<Matrix3<Scalar>>(3);
+  rotation(0, 0) = rotation(1, 1) = Scalar(-1);
+  return detail::make_pose(
+      rotation, Vector3<Scalar>(static_cast<Scalar>(0.167), Scalar(0), static_cast<Scalar>(0.43)));
 }
 
 }  // namespace icat

@@ -32,8 +32,8 @@ template <class Scalar>
 struct Joint {
   /// Kind of joint.
   JointType type{JointType::revolute};
-  Vector3<Scalar> axis{Vector3<Scalar>::UnitZ()};  ///< unit length
-  Vector3<Scalar> point{Vector3<Scalar>::Zero()};  ///< any point on the axis
+  Vector3<Scalar> axis{Scalar(0), Scalar(0), Scalar(1)};   ///< unit length
+  Vector3<Scalar> point{Scalar(0), Scalar(0), Scalar(0)};  ///< any point on the axis
   /// Lower limit; none by default.
   Scalar lower{-std::numeric_limits<Scalar>::infinity()};
   /// Upper limit; none by default.
@@ -77,18 +77,18 @@ class SerialChain {
     for (Index j = 0; j < Dof; ++j) {
       const auto& joint = joints_[static_cast<std::size_t>(j)];
       // Four digits: what a data sheet gives. It is normalized below.
-      if (!(std::abs(joint.axis.norm() - Scalar(1)) < Scalar(1e-4))) {
-        detail::invalid("SerialChain: axis of joint ", j, " must have length 1, got ",
-                        joint.axis.norm());
+      const Scalar length = detail::norm(joint.axis);
+      if (!(std::abs(length - Scalar(1)) < Scalar(1e-4))) {
+        detail::invalid("SerialChain: axis of joint ", j, " must have length 1, got ", length);
       }
-      if (!joint.point.allFinite()) {
+      if (!detail::all_finite(joint.point)) {
         detail::invalid("SerialChain: point of joint ", j, " is not finite");
       }
       if (!(joint.lower < joint.upper)) {
         detail::invalid("SerialChain: limits of joint ", j, " must be in order, got [", joint.lower,
                         ", ", joint.upper, "]");
       }
-      joints_[static_cast<std::size_t>(j)].axis.normalize();
+      joints_[static_cast<std::size_t>(j)].axis = detail::scaled(joint.axis, Scalar(1) / length);
       lower_(j) = joint.lower;
       upper_(j) = joint.upper;
     }
@@ -109,30 +109,32 @@ class SerialChain {
   /// Everything at once, for `q` (Dof).
   State state(const VectorQ& q) const noexcept {
     State s;
-    Matrix3<Scalar> R = Matrix3<Scalar>::Identity();
-    Vector3<Scalar> t = Vector3<Scalar>::Zero();
+    Matrix3<Scalar> R = detail::identity<Matrix3<Scalar>>(3);
+    Vector3<Scalar> t(Scalar(0), Scalar(0), Scalar(0));
     for (Index j = 0; j < Dof; ++j) {
       const auto& joint = joints_[static_cast<std::size_t>(j)];
-      s.axes.col(j) = R * joint.axis;
-      s.points.col(j) = R * joint.point + t;
+      const Vector3<Scalar> axis = detail::times(R, joint.axis);
+      const Vector3<Scalar> point = detail::plus(detail::times(R, joint.point), t);
+      detail::set_column3(s.axes, 0, j, axis);
+      detail::set_column3(s.points, 0, j, point);
       if (joint.type == JointType::revolute) {
-        R = (R * axis_rotation<Scalar>(joint.axis, q(j))).eval();
-        t = s.points.col(j) - R * joint.point;
+        R = detail::times(R, axis_rotation<Scalar>(joint.axis, q(j)));
+        t = detail::minus(point, detail::times(R, joint.point));
       } else {
-        t += q(j) * s.axes.col(j);
+        t = detail::plus(t, q(j), axis);
       }
     }
-    s.end_effector.linear() = R * end_effector_.linear();
-    s.end_effector.translation() = R * end_effector_.translation() + t;
-    s.end_effector.makeAffine();
+    s.end_effector = detail::compose(detail::make_pose(R, t), end_effector_);
+    const Vector3<Scalar> end = detail::origin(s.end_effector);
     for (Index j = 0; j < Dof; ++j) {
-      const Vector3<Scalar> z = s.axes.col(j);
+      const Vector3<Scalar> z = detail::column3(s.axes, 0, j);
+      Vector3<Scalar> linear = z, angular(Scalar(0), Scalar(0), Scalar(0));
       if (joints_[static_cast<std::size_t>(j)].type == JointType::revolute) {
-        const Vector3<Scalar> arm = s.end_effector.translation() - s.points.col(j);
-        s.jacobian.col(j) << z.cross(arm), z;
-      } else {
-        s.jacobian.col(j) << z, Vector3<Scalar>::Zero();
+        linear = detail::cross(z, detail::minus(end, detail::column3(s.points, 0, j)));
+        angular = z;
       }
+      detail::set_column3(s.jacobian, 0, j, linear);
+      detail::set_column3(s.jacobian, 3, j, angular);
     }
     return s;
   }
@@ -147,13 +149,14 @@ class SerialChain {
 
   /// Jacobian (3 × Dof, components on ⟨b⟩) of the point of joint `j`, such as an elbow.
   Eigen::Matrix<Scalar, 3, Dof> point_jacobian(const State& s, Index j) const noexcept {
-    Eigen::Matrix<Scalar, 3, Dof> J = Eigen::Matrix<Scalar, 3, Dof>::Zero();
+    auto J = detail::zeros<Eigen::Matrix<Scalar, 3, Dof>>(3, Dof);
+    const Vector3<Scalar> point = detail::column3(s.points, 0, j);
     for (Index i = 0; i < j; ++i) {
-      const Vector3<Scalar> z = s.axes.col(i);
-      const Vector3<Scalar> arm = s.points.col(j) - s.points.col(i);
-      J.col(i) = joints_[static_cast<std::size_t>(i)].type == JointType::revolute
-                     ? Vector3<Scalar>(z.cross(arm))
-                     : z;
+      const Vector3<Scalar> z = detail::column3(s.axes, 0, i);
+      const bool turns = joints_[static_cast<std::size_t>(i)].type == JointType::revolute;
+      detail::set_column3(
+          J, 0, i,
+          turns ? detail::cross(z, detail::minus(point, detail::column3(s.points, 0, i))) : z);
     }
     return J;
   }
@@ -167,57 +170,72 @@ class SerialChain {
   Manipulability<Scalar, Dof> manipulability(const State& s) const noexcept {
     constexpr int side = Dof < 6 ? Dof : 6;
     const auto& J = s.jacobian;
+    // Element (i, k) of J for six rows, of Jᵀ for fewer than six columns: the side that has full
+    // rank.
+    const auto at = [&](Index i, Index k) { return Dof < 6 ? J(k, i) : J(i, k); };
+    constexpr Index other = Dof < 6 ? 6 : Dof;
     Eigen::Matrix<Scalar, side, side> gram;
-    if constexpr (Dof < 6) {
-      gram = J.transpose().lazyProduct(J);
-    } else {
-      gram = J.lazyProduct(J.transpose());
+    for (Index i = 0; i < side; ++i) {
+      for (Index j = 0; j <= i; ++j) {
+        Scalar sum(0);
+        for (Index k = 0; k < other; ++k) sum += at(i, k) * at(j, k);
+        gram(i, j) = gram(j, i) = sum;
+      }
     }
     detail::SymmetricEigen<Scalar, side> eigen(side);
-    Manipulability<Scalar, Dof> m{Scalar(0), Eigen::Matrix<Scalar, 1, Dof>::Zero()};
+    Manipulability<Scalar, Dof> m{Scalar(0), detail::zeros<Eigen::Matrix<Scalar, 1, Dof>>(1, Dof)};
     if (!eigen.compute(gram)) return m;
 
     // σ_k from J itself: the square root of a small eigenvalue of the Gram matrix is noise.
-    Eigen::Matrix<Scalar, 6, side> u;
-    Eigen::Matrix<Scalar, Dof, side> v;
+    // Singular vectors of the short side, and σ_k times those of the long one.
+    const auto& short_side = eigen.vectors();
+    Eigen::Matrix<Scalar, other, side> long_side;
     Vector<Scalar, side> sigma;
+    Scalar largest(0);
+    m.value = Scalar(1);
     for (Index k = 0; k < side; ++k) {
-      if constexpr (Dof < 6) {
-        v.col(k) = eigen.vectors().col(k);
-        u.col(k) = J.lazyProduct(v.col(k));
-        sigma(k) = u.col(k).norm();
-      } else {
-        u.col(k) = eigen.vectors().col(k);
-        v.col(k) = J.transpose().lazyProduct(u.col(k));
-        sigma(k) = v.col(k).norm();
+      Scalar square(0);
+      for (Index i = 0; i < other; ++i) {
+        Scalar sum(0);
+        for (Index l = 0; l < side; ++l) sum += at(l, i) * short_side(l, k);
+        long_side(i, k) = sum;
+        square += sum * sum;
       }
+      sigma(k) = std::sqrt(square);
+      m.value *= sigma(k);
+      largest = sigma(k) > largest ? sigma(k) : largest;
     }
-    m.value = sigma.prod();
     // Below this σ_k is rounding, and so would be the direction divided by it.
-    const Scalar rounding = Scalar(16) * std::numeric_limits<Scalar>::epsilon() * sigma.maxCoeff();
-    Eigen::Matrix<Scalar, Dof, 6> y = Eigen::Matrix<Scalar, Dof, 6>::Zero();  // μ J^#
+    const Scalar rounding = Scalar(16) * std::numeric_limits<Scalar>::epsilon() * largest;
+    auto y = detail::zeros<Eigen::Matrix<Scalar, 6, Dof>>(6, Dof);  // μ (J^#)ᵀ
     for (Index k = 0; k < side; ++k) {
       if (!(sigma(k) > rounding)) continue;
       Scalar others(1);
       for (Index l = 0; l < side; ++l) {
         if (l != k) others *= sigma(l);
       }
-      y += (others / sigma(k)) * v.col(k) * u.col(k).transpose();
+      const Scalar weight = others / sigma(k);
+      for (Index j = 0; j < Dof; ++j) {
+        for (Index i = 0; i < 6; ++i) {
+          y(i, j) += weight * (Dof < 6 ? long_side(i, k) * short_side(j, k)
+                                       : short_side(i, k) * long_side(j, k));
+        }
+      }
     }
     // ∂J_j/∂q_i: joint i carries axis j along if i ≤ j, and the end-effector in any case.
     for (Index i = 0; i < Dof; ++i) {
-      const Vector3<Scalar> linear_i = J.col(i).template head<3>();
-      const Vector3<Scalar> angular_i = J.col(i).template tail<3>();
+      const Vector3<Scalar> linear_i = detail::column3(J, 0, i);
+      const Vector3<Scalar> angular_i = detail::column3(J, 3, i);
       for (Index j = 0; j < Dof; ++j) {
-        const Vector3<Scalar> linear_j = J.col(j).template head<3>();
-        const Vector3<Scalar> angular_j = J.col(j).template tail<3>();
-        const Vector3<Scalar> y_linear = y.row(j).template head<3>();
+        const Vector3<Scalar> linear_j = detail::column3(J, 0, j);
+        const Vector3<Scalar> angular_j = detail::column3(J, 3, j);
+        const Vector3<Scalar> y_linear = detail::column3(y, 0, j);
         if (i <= j) {
-          const Vector3<Scalar> y_angular = y.row(j).template tail<3>();
           m.gradient(i) +=
-              angular_i.cross(linear_j).dot(y_linear) + angular_i.cross(angular_j).dot(y_angular);
+              detail::dot(detail::cross(angular_i, linear_j), y_linear) +
+              detail::dot(detail::cross(angular_i, angular_j), detail::column3(y, 3, j));
         } else {
-          m.gradient(i) += angular_j.cross(linear_i).dot(y_linear);
+          m.gradient(i) += detail::dot(detail::cross(angular_j, linear_i), y_linear);
         }
       }
     }

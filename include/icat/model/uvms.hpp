@@ -40,9 +40,9 @@ class Uvms {
   struct Description {
     /// The arm.
     Arm arm;
-    Pose<Scalar> arm_mount{Pose<Scalar>::Identity()};  ///< arm base ⟨b⟩ in ⟨v⟩
-    Pose<Scalar> camera{Pose<Scalar>::Identity()};  ///< ⟨c⟩ in ⟨v⟩; looks along its z axis
-    Pose<Scalar> tool{Pose<Scalar>::Identity()};    ///< ⟨t⟩ in the end-effector frame ⟨e⟩
+    Pose<Scalar> arm_mount{detail::identity_pose<Scalar>()};  ///< arm base ⟨b⟩ in ⟨v⟩
+    Pose<Scalar> camera{detail::identity_pose<Scalar>()};  ///< ⟨c⟩ in ⟨v⟩; looks along its z axis
+    Pose<Scalar> tool{detail::identity_pose<Scalar>()};  ///< ⟨t⟩ in the end-effector frame ⟨e⟩
   };
 
   /// Starts at q = 0 with ⟨v⟩ = ⟨0⟩.
@@ -56,7 +56,7 @@ class Uvms {
     check("arm mount", description.arm_mount);
     check("camera", description.camera);
     check("tool", description.tool);
-    compute(VectorQ::Zero(), Pose<Scalar>::Identity());
+    compute(detail::zeros<VectorQ>(ArmDof), detail::identity_pose<Scalar>());
   }
 
   /// Degrees of freedom.
@@ -71,7 +71,7 @@ class Uvms {
   /// New state: joint positions (rad, m) and pose of ⟨v⟩ in ⟨0⟩. NaN, infinity or a matrix that is
   /// no rotation: refused, the state stays. No allocation.
   Status update(const VectorQ& q, const Pose<Scalar>& vehicle) noexcept {
-    if (!q.allFinite() || !vehicle.matrix().allFinite()) return Status::non_finite;
+    if (!detail::all_finite(q) || !detail::all_finite(vehicle.matrix())) return Status::non_finite;
     if (!is_rigid(vehicle)) return Status::not_a_rotation;
     compute(q, vehicle);
     return Status::ok;
@@ -80,7 +80,7 @@ class Uvms {
   /// Another tool frame ⟨t⟩ in ⟨e⟩, such as the frame of an object that was just grasped. Refused
   /// like a bad state. No allocation.
   Status set_tool(const Pose<Scalar>& tool) noexcept {
-    if (!tool.matrix().allFinite()) return Status::non_finite;
+    if (!detail::all_finite(tool.matrix())) return Status::non_finite;
     if (!is_rigid(tool)) return Status::not_a_rotation;
     description_.tool = tool;
     compute(q_, vehicle_);
@@ -94,7 +94,7 @@ class Uvms {
   /// ⟨t⟩ in ⟨0⟩.
   const Pose<Scalar>& tool() const noexcept { return tool_; }
   /// ⟨c⟩ in ⟨0⟩.
-  Pose<Scalar> camera() const noexcept { return vehicle_ * description_.camera; }
+  Pose<Scalar> camera() const noexcept { return detail::compose(vehicle_, description_.camera); }
   /// The arm, components on ⟨b⟩.
   const typename Arm::State& arm_state() const noexcept { return arm_state_; }
   /// μ and ∂μ/∂q at the present state. Computed when first asked for, kept until the next `update`;
@@ -126,29 +126,40 @@ class Uvms {
     vehicle_ = vehicle;
     manipulability_known_ = false;
     arm_state_ = description_.arm.state(q);
-    const Pose<Scalar> v_e = description_.arm_mount * arm_state_.end_effector;
-    const Pose<Scalar> v_t = v_e * description_.tool;
-    tool_ = vehicle * v_t;
-    const Matrix3<Scalar> v_R_b = description_.arm_mount.linear();
-    const Vector3<Scalar> offset = v_t.translation() - v_e.translation();
+    const Pose<Scalar> v_e = detail::compose(description_.arm_mount, arm_state_.end_effector);
+    const Pose<Scalar> v_t = detail::compose(v_e, description_.tool);
+    tool_ = detail::compose(vehicle, v_t);
+    const Matrix3<Scalar> v_R_b = detail::rotation(description_.arm_mount);
+    const Vector3<Scalar> r = detail::origin(v_t);
+    const Vector3<Scalar> offset = detail::minus(r, detail::origin(v_e));
     for (Index j = 0; j < ArmDof; ++j) {
-      const Vector3<Scalar> linear = v_R_b * arm_state_.jacobian.col(j).template head<3>();
-      const Vector3<Scalar> angular = v_R_b * arm_state_.jacobian.col(j).template tail<3>();
-      jacobian_vehicle_.col(j) << linear + angular.cross(offset), angular;
+      const Vector3<Scalar> linear =
+          detail::times(v_R_b, detail::column3(arm_state_.jacobian, 0, j));
+      const Vector3<Scalar> angular =
+          detail::times(v_R_b, detail::column3(arm_state_.jacobian, 3, j));
+      detail::set_column3(jacobian_vehicle_, 0, j,
+                          detail::plus(linear, detail::cross(angular, offset)));
+      detail::set_column3(jacobian_vehicle_, 3, j, angular);
     }
-    auto Jv = jacobian_vehicle_.template rightCols<6>();
-    Jv.setIdentity();
-    Jv.template topRightCorner<3, 3>() = -skew(v_t.translation());
-    rotate(vehicle.linear(), jacobian_world_);
-    rotate(v_t.linear().transpose(), jacobian_tool_);
+    const Matrix3<Scalar> r_cross = skew(r);
+    for (Index j = 0; j < 3; ++j) {
+      for (Index i = 0; i < 3; ++i) {
+        const Scalar one = i == j ? Scalar(1) : Scalar(0);
+        jacobian_vehicle_(i, ArmDof + j) = jacobian_vehicle_(3 + i, ArmDof + 3 + j) = one;
+        jacobian_vehicle_(3 + i, ArmDof + j) = Scalar(0);
+        jacobian_vehicle_(i, ArmDof + 3 + j) = -r_cross(i, j);
+      }
+    }
+    rotate(detail::rotation(vehicle), jacobian_world_);
+    rotate(detail::transpose(detail::rotation(v_t)), jacobian_tool_);
   }
 
-  template <class R>
-  void rotate(const R& rotation, ToolJacobian& out) const noexcept {
-    const Matrix3<Scalar> m = rotation;
+  void rotate(const Matrix3<Scalar>& rotation, ToolJacobian& out) const noexcept {
     for (Index j = 0; j < size; ++j) {
-      out.col(j).template head<3>() = m * jacobian_vehicle_.col(j).template head<3>();
-      out.col(j).template tail<3>() = m * jacobian_vehicle_.col(j).template tail<3>();
+      for (Index row = 0; row < 6; row += 3) {
+        detail::set_column3(out, row, j,
+                            detail::times(rotation, detail::column3(jacobian_vehicle_, row, j)));
+      }
     }
   }
 

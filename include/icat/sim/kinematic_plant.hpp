@@ -25,9 +25,9 @@ class KinematicPlant {
   using VectorQ = Vector<Scalar, ArmDof>;
   /// Settings, with defaults.
   struct Options {
-    VectorQ q{VectorQ::Zero()};                      ///< at the start, rad or m
-    Pose<Scalar> vehicle{Pose<Scalar>::Identity()};  ///< ⟨v⟩ in ⟨0⟩ at the start
-    Scalar tracking_lag{0};                          ///< τ, s
+    VectorQ q{detail::zeros<VectorQ>(ArmDof)};              ///< at the start, rad or m
+    Pose<Scalar> vehicle{detail::identity_pose<Scalar>()};  ///< ⟨v⟩ in ⟨0⟩ at the start
+    Scalar tracking_lag{0};                                 ///< τ, s
     std::array<bool, 6> actuated{true, true, true, true, true, true};  ///< else v_r stays 0
     std::function<Vector3<Scalar>(Scalar time)> current{};  ///< w, components on ⟨0⟩, m/s
   };
@@ -35,14 +35,13 @@ class KinematicPlant {
   /// @throws std::invalid_argument on a state that is not finite or a lag below 0.
   explicit KinematicPlant(const Options& options)
       : options_(options), q_(options.q), vehicle_(options.vehicle) {
-    if (!q_.allFinite() || !vehicle_.matrix().allFinite()) {
+    if (!detail::all_finite(q_) || !detail::all_finite(vehicle_.matrix())) {
       detail::invalid("KinematicPlant: the initial state is not finite");
     }
     if (!(options.tracking_lag >= Scalar(0))) {
       detail::invalid("KinematicPlant: tracking_lag must be >= 0, got ", options.tracking_lag);
     }
-    relative_.setZero();
-    velocity_.setZero();
+    relative_ = velocity_ = detail::zeros<Vector6<Scalar>>(6);
   }
 
   /// From `time` to `time + dt` under the commands q̇ and v̄ (components on ⟨v⟩).
@@ -56,9 +55,11 @@ class KinematicPlant {
     }
     velocity_ = relative_;
     if (options_.current) {
-      velocity_.template head<3>() += vehicle_.linear().transpose() * options_.current(time);
+      const Vector3<Scalar> w =
+          detail::transposed_times(detail::rotation(vehicle_), options_.current(time));
+      for (Index i = 0; i < 3; ++i) velocity_(i) += w(i);
     }
-    q_ += dt * joint_velocity;
+    for (Index i = 0; i < ArmDof; ++i) q_(i) += dt * joint_velocity(i);
     vehicle_ = integrate(vehicle_, velocity_, dt);
   }
 

@@ -26,7 +26,7 @@ class CameraCentering : public Task<R> {
   struct Options {
     /// What errors and logs call it.
     std::string name = "camera centering";
-    Vector3<Scalar> target{Vector3<Scalar>::Zero()};  ///< components on ⟨0⟩, m
+    Vector3<Scalar> target{Scalar(0), Scalar(0), Scalar(0)};  ///< components on ⟨0⟩, m
     /// Given: the norm form with this objective. Not given: the component form.
     std::optional<Objective<Scalar>> norm{};
     /// γ, 1/s, > 0.
@@ -39,7 +39,7 @@ class CameraCentering : public Task<R> {
       : Task<R>(options.name, options.norm ? 1 : 2, robot.dof()), options_(options) {
     this->require_gain(options.gain);
     this->require_rate("max_rate", options.max_rate);
-    if (!options.target.allFinite()) {
+    if (!detail::all_finite(options.target)) {
       detail::invalid("task '", options.name, "': the target is not finite");
     }
   }
@@ -49,34 +49,37 @@ class CameraCentering : public Task<R> {
  private:
   void compute(const R& robot) noexcept override {
     const Pose<Scalar>& v_c = robot.description().camera;
-    const Matrix3<Scalar> c_R_v = v_c.linear().transpose();
+    const Matrix3<Scalar> c_R_v = detail::transpose(detail::rotation(v_c));
+    // The target's position on ⟨v⟩ and on ⟨c⟩.
     const Vector3<Scalar> p_v =
-        robot.vehicle().linear().transpose() * (options_.target - robot.vehicle().translation());
-    const Vector3<Scalar> p = c_R_v * (p_v - v_c.translation());
-    const Scalar range = p.norm();
-    auto J = this->jacobian_.template rightCols<6>();
+        detail::transposed_times(detail::rotation(robot.vehicle()),
+                                 detail::minus(options_.target, detail::origin(robot.vehicle())));
+    const Vector3<Scalar> p = detail::times(c_R_v, detail::minus(p_v, detail::origin(v_c)));
+    const Scalar range = detail::norm(p);
     if (!(range > Scalar(0))) {  // In the lens: no direction, no task.
-      J.setZero();
-      this->reference_.setZero();
-      this->activation_.setZero();
+      this->deactivate();
       return;
     }
-    const Vector3<Scalar> d = p / range;
+    const Vector3<Scalar> d = detail::scaled(p, Scalar(1) / range);
     const Misalignment<Scalar> m = misalignment_from_z<Scalar>(d);
     // ṗ_v = −v₁ − ω × p_v for a target at rest, components on ⟨v⟩.
-    const Matrix3<Scalar> d_p = (Matrix3<Scalar>::Identity() - d * d.transpose()) / range * c_R_v;
-    const Matrix3<Scalar> d_w = d_p * skew(p_v);
+    const Matrix3<Scalar> d_p = detail::times(detail::direction_derivative(d, range), c_R_v);
+    const Matrix3<Scalar> d_w = detail::times(d_p, skew(p_v));
+    for (Index row = 0; row < this->rows(); ++row) {
+      const Vector3<Scalar> g = options_.norm ? detail::row3(m.angle_gradient, 0, 0)
+                                              : detail::row3(m.vector_gradient, row, 0);
+      detail::set_row3(this->jacobian_, row, robot.arm_dof(),
+                       detail::scaled(detail::transposed_times(d_p, g), Scalar(-1)));
+      detail::set_row3(this->jacobian_, row, robot.arm_dof() + 3, detail::transposed_times(d_w, g));
+      this->activation_(row) = Scalar(1);
+    }
     if (options_.norm) {
-      J.template leftCols<3>() = -m.angle_gradient * d_p;
-      J.template rightCols<3>() = m.angle_gradient * d_w;
       this->set_scalar(0, m.angle, *options_.norm, options_.gain, options_.max_rate);
       // Straight behind the camera the gradient flips; the row fades out before it does.
       this->activation_(0) *= half_turn_weight(m.angle);
     } else {
-      J.template leftCols<3>() = -m.vector_gradient * d_p;
-      J.template rightCols<3>() = m.vector_gradient * d_w;
-      this->activation_.setOnes();
-      this->set_error(0, Vector<Scalar, 2>(-m.vector), options_.gain, options_.max_rate);
+      this->set_error(0, Vector<Scalar, 2>(-m.vector(0), -m.vector(1)), options_.gain,
+                      options_.max_rate);
     }
   }
 
@@ -118,26 +121,28 @@ class CameraOcclusion : public Task<R> {
 
  private:
   void compute(const R& robot) noexcept override {
-    const auto& description = robot.description();
-    const Pose<Scalar>& mount = description.arm_mount;
-    const Matrix3<Scalar> c_R_v = description.camera.linear().transpose();
+    const Pose<Scalar>& camera = robot.description().camera;
+    const Matrix3<Scalar> v_R_b = detail::rotation(robot.description().arm_mount);
+    const Matrix3<Scalar> c_R_v = detail::transpose(detail::rotation(camera));
     const Vector3<Scalar> elbow =
-        mount * Vector3<Scalar>(robot.arm_state().points.col(options_.elbow_joint));
-    const Vector3<Scalar> p = c_R_v * (elbow - description.camera.translation());
-    const Scalar range = p.norm();
-    auto J = this->jacobian_.row(0).head(robot.arm_dof());
-    J.setZero();
+        detail::transform(robot.description().arm_mount,
+                          detail::column3(robot.arm_state().points, 0, options_.elbow_joint));
+    const Vector3<Scalar> p = detail::times(c_R_v, detail::minus(elbow, detail::origin(camera)));
+    const Scalar range = detail::norm(p);
     if (!(range > Scalar(0))) {
-      this->reference_.setZero();
-      this->activation_.setZero();
+      this->deactivate();
       return;
     }
-    const Vector3<Scalar> d = p / range;
+    const Vector3<Scalar> d = detail::scaled(p, Scalar(1) / range);
     const Misalignment<Scalar> m = misalignment_from_z<Scalar>(d);
-    const Eigen::Matrix<Scalar, 1, 3> g =
-        (m.angle_gradient - m.angle_gradient.dot(d.transpose()) * d.transpose()) / range * c_R_v *
-        mount.linear();
-    J = g.lazyProduct(robot.arm().point_jacobian(robot.arm_state(), options_.elbow_joint));
+    // ∂θ/∂(elbow), components on ⟨b⟩.
+    const Matrix3<Scalar> d_b =
+        detail::times(detail::times(detail::direction_derivative(d, range), c_R_v), v_R_b);
+    const Vector3<Scalar> g = detail::transposed_times(d_b, detail::row3(m.angle_gradient, 0, 0));
+    const auto J = robot.arm().point_jacobian(robot.arm_state(), options_.elbow_joint);
+    for (Index j = 0; j < robot.arm_dof(); ++j) {
+      this->jacobian_(0, j) = detail::dot(g, detail::column3(J, 0, j));
+    }
     this->set_scalar(0, m.angle, objective_, options_.gain, options_.max_rate);
     // On the optical axis the gradient flips; the row fades out before it does.
     const Scalar fade = std::min(Scalar(0.1), options_.minimum_angle / Scalar(2));

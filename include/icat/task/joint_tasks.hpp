@@ -83,7 +83,7 @@ class Manipulability : public Task<R> {
  private:
   void compute(const R& robot) noexcept override {
     const auto& mu = robot.manipulability();
-    this->jacobian_.row(0).head(robot.arm_dof()) = mu.gradient;
+    for (Index j = 0; j < robot.arm_dof(); ++j) this->jacobian_(0, j) = mu.gradient(j);
     this->set_scalar(0, mu.value, objective_, options_.gain, options_.max_rate);
   }
 
@@ -105,12 +105,19 @@ class PreferredShape : public Task<R> {
     /// What errors and logs call it.
     std::string name = "preferred shape";
     /// q*, rad or m
-    VectorQ shape{VectorQ::Constant(std::numeric_limits<Scalar>::quiet_NaN())};
+    VectorQ shape{unset()};
     /// Given: the norm form with this objective. Not given: the component form.
     std::optional<Objective<Scalar>> norm{};
     /// γ, 1/s, > 0.
     Scalar gain{1};
     Scalar max_rate{std::numeric_limits<Scalar>::infinity()};  ///< of ‖q̇‖
+
+   private:
+    static VectorQ unset() {
+      VectorQ q;
+      detail::fill(q, std::numeric_limits<Scalar>::quiet_NaN());
+      return q;
+    }
   };
 
   /// @throws std::invalid_argument on settings out of range. Allocates.
@@ -118,23 +125,29 @@ class PreferredShape : public Task<R> {
       : Task<R>(options.name, options.norm ? 1 : robot.arm_dof(), robot.dof()), options_(options) {
     this->require_gain(options.gain);
     this->require_rate("max_rate", options.max_rate);
-    if (!options.shape.allFinite()) {
+    if (!detail::all_finite(options.shape)) {
       detail::invalid("task '", options.name, "': the shape is not finite");
     }
-    if (!options.norm) this->jacobian_.leftCols(robot.arm_dof()).setIdentity();
+    if (!options.norm) this->select_columns(0);
   }
 
  private:
   void compute(const R& robot) noexcept override {
-    const VectorQ error = options_.shape - robot.q();
+    VectorQ error = options_.shape;
+    Scalar square(0);
+    for (Index j = 0; j < error.size(); ++j) {
+      error(j) -= robot.q()(j);
+      square += error(j) * error(j);
+    }
     if (!options_.norm) {
       this->set_error(0, error, options_.gain, options_.max_rate);
       return;
     }
-    const Scalar distance = error.norm();
-    auto J = this->jacobian_.row(0).head(robot.arm_dof());
-    J.setZero();  // The mean of both sides of the kink at distance 0.
-    if (distance > Scalar(0)) J = -error.transpose() / distance;
+    const Scalar distance = std::sqrt(square);
+    for (Index j = 0; j < error.size(); ++j) {
+      // At distance 0 the mean of both sides of the kink.
+      this->jacobian_(0, j) = distance > Scalar(0) ? -error(j) / distance : Scalar(0);
+    }
     this->set_scalar(0, distance, *options_.norm, options_.gain, options_.max_rate);
   }
 
@@ -148,7 +161,7 @@ class ArmMotionMinimality : public Task<R> {
   /// @throws std::invalid_argument on settings out of range. Allocates.
   explicit ArmMotionMinimality(const R& robot, std::string name = "arm motion minimality")
       : Task<R>(std::move(name), robot.arm_dof(), robot.dof()) {
-    this->jacobian_.leftCols(robot.arm_dof()).setIdentity();
+    this->select_columns(0);
   }
 
  private:

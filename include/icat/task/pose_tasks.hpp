@@ -32,7 +32,7 @@ struct PoseNorms {
 template <class Scalar>
 struct PoseTaskOptions {
   std::string name{};                                                ///< empty: the task's own
-  Pose<Scalar> goal{Pose<Scalar>::Identity()};                       ///< of the frame, in ⟨0⟩
+  Pose<Scalar> goal{detail::identity_pose<Scalar>()};                ///< of the frame, in ⟨0⟩
   std::optional<PoseNorms<Scalar>> norms{};                          ///< given: the norm form
   Scalar gain{1};                                                    ///< γ, 1/s
   Scalar max_linear_rate{std::numeric_limits<Scalar>::infinity()};   ///< m/s
@@ -72,38 +72,43 @@ class PoseTask : public Task<R> {
   void set_rows(const Pose<Scalar>& frame, const J& jacobian) noexcept {
     Index row = 0;
     if constexpr (Linear) {
-      const Vector3<Scalar> r = options_.goal.translation() - frame.translation();
-      set_part(row, r, jacobian.template topRows<3>(), options_.max_linear_rate,
-               options_.norms ? &options_.norms->position : nullptr, Scalar(1),
-               options_.goal.translation().norm());
+      const Vector3<Scalar> goal = detail::origin(options_.goal);
+      set_part(row, detail::minus(goal, detail::origin(frame)), jacobian, 0,
+               options_.max_linear_rate, options_.norms ? &options_.norms->position : nullptr,
+               Scalar(1), detail::norm(goal));
     }
     if constexpr (Angular) {
-      const Vector3<Scalar> phi =
-          rotation_log<Scalar>(options_.goal.linear() * frame.linear().transpose());
-      const Scalar fade = half_turn_weight(phi.norm());
-      set_part(row, phi, jacobian.template bottomRows<3>(), options_.max_angular_rate,
-               options_.norms ? &options_.norms->orientation : nullptr, fade, Scalar(1));
+      const Vector3<Scalar> phi = rotation_log<Scalar>(detail::times(
+          detail::rotation(options_.goal), detail::transpose(detail::rotation(frame))));
+      set_part(row, phi, jacobian, 3, options_.max_angular_rate,
+               options_.norms ? &options_.norms->orientation : nullptr,
+               half_turn_weight(detail::norm(phi)), Scalar(1));
     }
   }
 
  private:
+  /// `error` is driven by the three rows of `jacobian` from `part` on.
   template <class J>
-  void set_part(Index& row, const Vector3<Scalar>& error, const J& jacobian, Scalar max_rate,
-                const Objective<Scalar>* objective, Scalar fade, Scalar magnitude) noexcept {
+  void set_part(Index& row, const Vector3<Scalar>& error, const J& jacobian, Index part,
+                Scalar max_rate, const Objective<Scalar>* objective, Scalar fade,
+                Scalar magnitude) noexcept {
+    const Index dof = jacobian.cols();
     if (!objective) {
-      this->jacobian_.template middleRows<3>(row) = jacobian;
       this->set_error(row, error, options_.gain, max_rate);
-      this->reference_.template segment<3>(row) *= fade;
-      row += 3;
+      for (Index i = 0; i < 3; ++i, ++row) {
+        for (Index j = 0; j < dof; ++j) this->jacobian_(row, j) = jacobian(part + i, j);
+        this->reference_(row) *= fade;
+      }
       return;
     }
-    const Scalar distance = error.norm();
-    auto J_row = this->jacobian_.row(row);
+    const Scalar distance = detail::norm(error);
     // The mean of both sides of the kinks, at distance 0 (as far as rounding can tell) and at π.
-    J_row.setZero();
     const Scalar rounding = Scalar(8) * std::numeric_limits<Scalar>::epsilon() * magnitude;
-    if (distance > rounding && fade > Scalar(0)) {
-      J_row = (-error / distance).transpose().lazyProduct(jacobian);
+    const bool smooth = distance > rounding && fade > Scalar(0);
+    const Vector3<Scalar> direction =
+        detail::scaled(error, smooth ? Scalar(-1) / distance : Scalar(0));
+    for (Index j = 0; j < dof; ++j) {
+      this->jacobian_(row, j) = detail::dot(direction, detail::column3(jacobian, part, j));
     }
     this->set_scalar(row, distance, *objective, options_.gain, max_rate);
     this->activation_(row) *= fade;
@@ -161,20 +166,23 @@ class VehiclePose : public PoseTask<R, true, true> {
  public:
   /// @throws std::invalid_argument on settings out of range. Allocates.
   VehiclePose(const R& robot, const PoseTaskOptions<typename R::Scalar>& options)
-      : PoseTask<R, true, true>(robot, options, "vehicle pose"), jacobian_world_(6, robot.dof()) {
-    jacobian_world_.setZero();
-  }
+      : PoseTask<R, true, true>(robot, options, "vehicle pose"),
+        jacobian_world_(detail::zeros<Jacobian6>(6, robot.dof())) {}
 
  private:
+  using Jacobian6 = Eigen::Matrix<typename R::Scalar, 6, R::size>;
+
   void compute(const R& robot) noexcept override {
-    const auto rotation = robot.vehicle().linear();
-    auto Jv = jacobian_world_.template rightCols<6>();
-    Jv.template topLeftCorner<3, 3>() = rotation;
-    Jv.template bottomRightCorner<3, 3>() = rotation;
+    const auto rotation = detail::rotation(robot.vehicle());
+    for (Index j = 0; j < 3; ++j) {
+      detail::set_column3(jacobian_world_, 0, robot.arm_dof() + j, detail::column3(rotation, 0, j));
+      detail::set_column3(jacobian_world_, 3, robot.arm_dof() + 3 + j,
+                          detail::column3(rotation, 0, j));
+    }
     this->set_rows(robot.vehicle(), jacobian_world_);
   }
 
-  Eigen::Matrix<typename R::Scalar, 6, R::size> jacobian_world_;
+  Jacobian6 jacobian_world_;
 };
 
 }  // namespace icat::task

@@ -51,11 +51,13 @@ class Task {
  protected:
   /// Rows are active, all else 0.
   Task(std::string name, Index rows, Index dof)
-      : jacobian_(Jacobian::Zero(rows, dof)),
-        reference_(Rows::Zero(rows)),
-        activation_(Rows::Ones(rows)),
+      : jacobian_(detail::zeros<Jacobian>(rows, dof)),
+        reference_(detail::zeros<Rows>(rows)),
+        activation_(reference_),
         name_(std::move(name)),
-        rows_(rows) {}
+        rows_(rows) {
+    detail::fill(activation_, Scalar(1));
+  }
 
   /// Fills `jacobian_`, `reference_` and `activation_`; what is not filled keeps its value.
   virtual void compute(const R& robot) noexcept = 0;
@@ -85,9 +87,22 @@ class Task {
   /// limited as a whole.
   template <class Error>
   void set_error(Index i, const Error& error, Scalar gain, Scalar max_rate) noexcept {
-    const Scalar rate = gain * error.norm();
+    Scalar square(0);
+    for (Index k = 0; k < error.size(); ++k) square += error(k) * error(k);
+    const Scalar rate = gain * std::sqrt(square);
     const Scalar scale = rate > max_rate ? max_rate / rate : Scalar(1);
-    reference_.segment(i, error.size()) = (scale * gain) * error;
+    for (Index k = 0; k < error.size(); ++k) reference_(i + k) = (scale * gain) * error(k);
+  }
+
+  /// Row k of `jacobian_` ← eₖ of column `column` + k, for all rows: x is what those columns move.
+  void select_columns(Index column) noexcept {
+    for (Index k = 0; k < rows_; ++k) jacobian_(k, column + k) = Scalar(1);
+  }
+  /// No row counts: there is no direction to move in.
+  void deactivate() noexcept {
+    detail::fill(jacobian_, Scalar(0));
+    detail::fill(reference_, Scalar(0));
+    detail::fill(activation_, Scalar(0));
   }
 
   /// J, rows × dof.

@@ -41,18 +41,21 @@ class HorizontalAttitude : public Task<R> {
 
  private:
   void compute(const R& robot) noexcept override {
-    const Vector3<Scalar> k = robot.vehicle().linear().row(2).transpose();  // z of ⟨0⟩ on ⟨v⟩
+    const Vector3<Scalar> k = detail::row3(robot.vehicle().matrix(), 2, 0);  // z of ⟨0⟩ on ⟨v⟩
     const Misalignment<Scalar> m = misalignment_from_z<Scalar>(k);
     const Matrix3<Scalar> k_w = skew(k);  // k̇ = k × ω
-    auto J = this->jacobian_.template rightCols<3>();
+    for (Index row = 0; row < this->rows(); ++row) {
+      const Vector3<Scalar> g = options_.norm ? detail::row3(m.angle_gradient, 0, 0)
+                                              : detail::row3(m.vector_gradient, row, 0);
+      detail::set_row3(this->jacobian_, row, robot.arm_dof() + 3, detail::transposed_times(k_w, g));
+    }
     if (options_.norm) {
-      J = m.angle_gradient * k_w;
       this->set_scalar(0, m.angle, *options_.norm, options_.gain, options_.max_rate);
       // Upside down the gradient flips; the row fades out before it does.
       this->activation_(0) *= half_turn_weight(m.angle);
     } else {
-      J = m.vector_gradient * k_w;
-      this->set_error(0, Vector<Scalar, 2>(-m.vector), options_.gain, options_.max_rate);
+      this->set_error(0, Vector<Scalar, 2>(-m.vector(0), -m.vector(1)), options_.gain,
+                      options_.max_rate);
     }
   }
 
@@ -90,7 +93,7 @@ class VehicleDistance : public Task<R> {
     this->require_gain(options.gain);
     this->require_rate("max_rate", options.max_rate);
     this->require_above_zero("minimum", options.minimum);
-    if (!options.other.allFinite()) {
+    if (!detail::all_finite(options.other)) {
       detail::invalid("task '", options.name, "': the other vehicle's position is not finite");
     }
   }
@@ -99,11 +102,12 @@ class VehicleDistance : public Task<R> {
 
  private:
   void compute(const R& robot) noexcept override {
-    const Vector3<Scalar> d = options_.other - robot.vehicle().translation();
-    const Scalar distance = d.norm();
-    auto J = this->jacobian_.row(0).segment(robot.arm_dof(), 3);
-    J.setZero();
-    if (distance > Scalar(0)) J = -(d / distance).transpose() * robot.vehicle().linear();
+    const Vector3<Scalar> d = detail::minus(options_.other, detail::origin(robot.vehicle()));
+    const Scalar distance = detail::norm(d);
+    const Scalar factor = distance > Scalar(0) ? Scalar(-1) / distance : Scalar(0);
+    detail::set_row3(
+        this->jacobian_, 0, robot.arm_dof(),
+        detail::scaled(detail::transposed_times(detail::rotation(robot.vehicle()), d), factor));
     this->set_scalar(0, distance, objective_, options_.gain, options_.max_rate);
     // Where the two coincide the gradient flips; the row fades out before it does.
     this->activation_(0) *= smooth_step(Scalar(10) * distance / options_.minimum);
@@ -120,7 +124,7 @@ class VehicleMotionMinimality : public Task<R> {
   /// @throws std::invalid_argument on settings out of range. Allocates.
   explicit VehicleMotionMinimality(const R& robot, std::string name = "vehicle motion minimality")
       : Task<R>(std::move(name), 6, robot.dof()) {
-    this->jacobian_.template rightCols<6>().setIdentity();
+    this->select_columns(robot.arm_dof());
   }
 
  private:
@@ -138,7 +142,7 @@ class NonActuatedVelocity : public Task<R> {
   NonActuatedVelocity(const R& robot, const std::array<bool, 6>& actuated,
                       std::string name = "non-actuated velocity")
       : Task<R>(std::move(name), 6, robot.dof()) {
-    this->jacobian_.template rightCols<6>().setIdentity();
+    this->select_columns(robot.arm_dof());
     for (std::size_t i = 0; i < 6; ++i) {
       this->activation_(static_cast<Index>(i)) = actuated[i] ? Scalar(0) : Scalar(1);
     }

@@ -89,7 +89,14 @@ class ParametricTpik {
   /// P, N × Parameters.
   auto P() const noexcept { return law_.template rightCols<Parameters>(); }
   /// q̇ = ρ̃ + P v. `v` in the frame of the Jacobian's last columns (⟨v⟩ for a vehicle).
-  VectorN evaluate(const Vector<Scalar, Parameters>& v) const noexcept { return rho() + P() * v; }
+  VectorN evaluate(const Vector<Scalar, Parameters>& v) const noexcept {
+    VectorN velocity(arm_dof());
+    std::copy_n(law_.data(), arm_dof(), velocity.data());
+    for (Index c = 1; c < columns; ++c) {
+      for (Index i = 0; i < arm_dof(); ++i) velocity(i) += law_(i, c) * v(c - 1);
+    }
+    return velocity;
+  }
   /// Q over the arm's columns, N × N. Formed when asked for.
   const SquareN& projector() const noexcept { return iteration_.projector(); }
   /// Since the last reset.
@@ -99,7 +106,7 @@ class ParametricTpik {
   static constexpr int columns = 1 + Parameters;
   using Law = Eigen::Matrix<Scalar, N, columns>;  // [ρ̃ P]
 
-  ParametricTpik(Index arm_dof, const Options& options, int)
+  [[gnu::cold]] ParametricTpik(Index arm_dof, const Options& options, int)
       : iteration_(validated(options, arm_dof), options.regularization, options.projection_weight),
         law_(detail::zeros<Law>(arm_dof, columns)),
         next_law_(law_) {}

@@ -38,7 +38,8 @@ class PriorityIteration {
   using Square = Eigen::Matrix<Scalar, N, N>;
   using Coefficients = Panel<Scalar, N, Columns>;
 
-  PriorityIteration(Index dof, const Regularization& regularization, Scalar projection_weight)
+  [[gnu::cold]] PriorityIteration(Index dof, const Regularization& regularization,
+                                  Scalar projection_weight)
       : increment(zero_panel<Coefficients>(dof, Columns)),
         regularization_(regularization),
         eta_(projection_weight),
@@ -229,7 +230,7 @@ class PriorityIteration {
   bool regularized() const noexcept { return regularized_; }
 
   /// Q, n × n: formed when asked for.
-  const Square& projector() const noexcept {
+  [[gnu::cold]] const Square& projector() const noexcept {
     for (Index j = 0; j < dof_; ++j) {  // column j of Q = H (I − Z) Hᵀ
       clear(image_, 1);
       image_(j, 0) = Scalar(1);

@@ -124,7 +124,7 @@ class Tpik {
   const TpikReport<Scalar>& report() const noexcept { return report_; }
 
  private:
-  Tpik(Index dof, const Options& options, int)
+  [[gnu::cold]] Tpik(Index dof, const Options& options, int)
       : options_(validated(options, dof)),
         iteration_(dof, options.regularization, options.projection_weight),
         rho_(detail::zeros<VectorN>(dof)),

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The examples' command line. CLI11 costs a compiler more than an example does, so it is behind a
+// function that is compiled once.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace support {
+
+/// What was asked for.
+struct CommandLine {
+  std::string output;     ///< --output: folder of the CSV files and pictures
+  std::string variant;    ///< --variant: run this one alone; empty: all
+  bool pictures = true;   ///< --no-pictures: do not call gnuplot
+  bool extended = false;  ///< the example's own flag
+};
+
+/// An example's own flag, such as {"--sensitivity", "vary the choices, too"}.
+struct Flag {
+  const char* name = nullptr;
+  const char* help = nullptr;
+};
+
+/// Ends the program for --help (0) or a bad command line (not 0). `--variant` exists where there
+/// are `variants`.
+CommandLine parse(int argc, char** argv, const char* description, const char* output,
+                  const std::vector<std::string>& variants = {}, Flag flag = {});
+
+}  // namespace support
