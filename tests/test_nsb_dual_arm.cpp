@@ -2,6 +2,7 @@
 // The planar dual-arm vehicle of [NSB]: its tasks, its simulation, and iCAT beside it.
 #include <gtest/gtest.h>
 
+#include <Eigen/QR>
 #include <icat/math/numerical_differentiation.hpp>
 #include <random>
 

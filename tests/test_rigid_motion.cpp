@@ -130,9 +130,9 @@ TYPED_TEST(RigidMotion, SymmetricEigenReconstructs) {
       M s = a * a.transpose();
       if (rank == 0) s.setZero(n, n);
       ASSERT_TRUE(eigen.compute(s));
-      const M v = eigen.vectors();
+      const M v = eigen.vectors().topLeftCorner(n, n);
       EXPECT_LT((v.transpose() * v - M::Identity(n, n)).norm(), roundings<S>(20 * n));
-      EXPECT_LT((v * eigen.values().asDiagonal() * v.transpose() - s).norm(),
+      EXPECT_LT((v * eigen.values().head(n).asDiagonal() * v.transpose() - s).norm(),
                 roundings<S>(20 * n) * (1 + s.norm()));
     }
   }
@@ -144,7 +144,7 @@ TYPED_TEST(RigidMotion, SymmetricEigenReconstructs) {
   EXPECT_FALSE(eigen.compute(bad));
   const M diagonal = Eigen::Matrix<S, 3, 1>(S(3), S(1), S(2)).asDiagonal();
   ASSERT_TRUE(eigen.compute(diagonal));
-  EXPECT_EQ(eigen.values().sum(), S(6));
+  EXPECT_EQ(eigen.values().head(3).sum(), S(6));
 }
 
 TYPED_TEST(RigidMotion, SmoothStepStaysInTheUnitInterval) {

@@ -3,6 +3,7 @@
 // literal Eq. (20)–(23) on both sides of its switch.
 #include <gtest/gtest.h>
 
+#include <Eigen/QR>
 #include <icat/tpik/tpik.hpp>
 
 #include "support/oracle.hpp"

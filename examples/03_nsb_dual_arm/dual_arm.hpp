@@ -17,6 +17,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <Eigen/Geometry>
 #include <icat/core/types.hpp>
 
 namespace nsb {

@@ -8,7 +8,8 @@ namespace support {
 
 CommandLine parse(int argc, char** argv, const char* description, const char* output,
                   const std::vector<std::string>& variants, Flag flag) {
-  CommandLine line{.output = output};
+  CommandLine line;
+  line.output = output;
   bool no_pictures = false;
   CLI::App app{description};
   app.add_option("--output", line.output, "folder of the CSV files and pictures")

@@ -47,8 +47,8 @@ class SymmetricEigen {
     return true;
   }
 
-  /// Eigenvalues, unordered, and the matrix whose columns are the eigenvectors; of the size of the
-  /// construction.
+  /// Eigenvalues, unordered, and the matrix whose columns are the eigenvectors: the first k rows
+  /// and columns count.
   const Eigen::Matrix<Scalar, MaxN, 1>& values() const noexcept { return values_; }
   const Eigen::Matrix<Scalar, MaxN, MaxN>& vectors() const noexcept { return vectors_; }
 

@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "icat/math/spatial_algebra.hpp"
 #include "icat/task/task.hpp"
 
 namespace icat::task {
