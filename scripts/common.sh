@@ -78,6 +78,37 @@ parallel_jobs() {
   echo $((by_memory < 1 ? 1 : by_memory < by_cpu ? by_memory : by_cpu))
 }
 
+# log_tail <file>: its last lines, for an error that the file explains.
+log_tail() {
+  tail -n 30 "$1" >&2
+  printf 'log: %s\n' "$1" >&2
+}
+
+# step <title> <log> <command>...: one line; the command's output goes to the log and is shown on
+# failure alone. On a terminal Ninja's [k/n] moves a bar.
+step() {
+  local title=$1 log=$2 line done all start=$SECONDS
+  shift 2
+  mkdir -p "$(dirname -- "$log")"
+  if [[ -t 1 ]]; then
+    printf '== %s' "$title"
+    if ! "$@" 2>&1 </dev/null | tee "$log" | while IFS= read -r line; do
+      [[ $line =~ ^\[([0-9]+)/([0-9]+)\] ]] || continue
+      done=${BASH_REMATCH[1]} all=${BASH_REMATCH[2]}
+      printf '\r== %s [%-20.*s]' "$title" $((20 * done / all)) '####################'
+    done; then
+      printf '\n'
+      log_tail "$log"
+      return 1
+    fi
+    printf '\r\033[K'
+  elif ! "$@" >"$log" 2>&1 </dev/null; then
+    log_tail "$log"
+    return 1
+  fi
+  say "$title ($((SECONDS - start)) s)"
+}
+
 # build <preset> [<target>...]: configures and builds, all or the targets named.
 build() {
   local targets=("${@:2}")
@@ -86,12 +117,9 @@ build() {
   if [[ -f $cache ]] && ! grep -qxF "CMAKE_HOME_DIRECTORY:INTERNAL=$PWD" "$cache"; then
     rm -rf -- "build/$1"
   fi
-  say "Building: $1"
-  mkdir -p build
-  cmake --preset "$1" >"build/$1.log" 2>&1 || {
-    cat "build/$1.log" >&2
+  step "Configuring: $1" "$PWD/build/$1.configure.log" cmake --preset "$1" ||
     fail "CMake could not configure '$1'"
-  }
-  cmake --build --preset "$1" --parallel "$(parallel_jobs)" \
+  step "Building: $1" "$PWD/build/$1.build.log" \
+    cmake --build --preset "$1" --parallel "$(parallel_jobs)" \
     ${targets[@]:+--target "${targets[@]}"} || fail "'$1' does not build"
 }

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# From a fresh clone to the pictures of the missions.
+# From a fresh clone to the pictures of the missions, for any processor.
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
 need g++:g++ cmake:cmake ninja-build:ninja libeigen3-dev libcli11-dev gnuplot-nox:gnuplot
@@ -7,8 +7,14 @@ need_compiler
 missions=(01_grasp 02_cooperative_mission)
 build demo "${missions[@]}"
 
-for example in "${missions[@]}"; do
-  say "Running: $example"
-  "build/demo/examples/$example" --output "out/$example" || fail "$example failed"
-  say "Pictures: $PWD/out/$example"
+for mission in "${missions[@]}"; do
+  step "Running and drawing: $mission" "$PWD/out/$mission/report.txt" \
+    "build/demo/examples/$mission" --output "out/$mission" || fail "$mission failed"
+  grep '^In the current' "out/$mission/report.txt" || true
+done
+
+echo
+for mission in "${missions[@]}"; do
+  echo "Report:   $PWD/out/$mission/report.txt"
+  printf 'Pictures: %s\n' "$PWD/out/$mission"/*/*.png
 done
