@@ -33,30 +33,46 @@ inline void set_error_handler(ErrorHandler handler) noexcept { detail::error_han
 
 namespace detail {
 
-template <class Part>
-void append(std::string& text, const Part& part) {
-  if constexpr (std::is_convertible_v<const Part&, std::string_view>) {
-    text += std::string_view(part);
-  } else if constexpr (std::is_floating_point_v<Part>) {
-    char number[32];
-    std::snprintf(number, sizeof number, "%g", static_cast<double>(part));
-    text += number;
-  } else {
-    text += std::to_string(part);
-  }
-}
+/// A piece of a message. Plain data, so that a message costs its caller little.
+struct MessagePart {
+  enum class Kind { text, integer, real } kind;
+  std::string_view text;
+  double number;
 
-/// Throws `std::invalid_argument` whose text is all the parts one after the other.
-template <class... Parts>
-[[noreturn]] [[gnu::cold]] void invalid(const Parts&... parts) {
+  template <class Part>
+  static MessagePart of(const Part& part) noexcept {
+    if constexpr (std::is_convertible_v<const Part&, std::string_view>) {
+      return {Kind::text, part, 0};
+    } else {
+      return {std::is_integral_v<Part> ? Kind::integer : Kind::real, {}, static_cast<double>(part)};
+    }
+  }
+};
+
+[[noreturn]] [[gnu::cold]] inline void invalid_message(const MessagePart* parts,
+                                                       std::size_t count) {
   std::string text;
-  (append(text, parts), ...);
+  for (std::size_t i = 0; i < count; ++i) {
+    char number[32] = "";
+    if (parts[i].kind != MessagePart::Kind::text) {
+      const bool integer = parts[i].kind == MessagePart::Kind::integer;
+      std::snprintf(number, sizeof number, integer ? "%.0f" : "%g", parts[i].number);
+    }
+    text.append(parts[i].text).append(number);
+  }
 #if defined(__cpp_exceptions)
   throw std::invalid_argument(text);
 #else
   if (error_handler) error_handler(text.c_str());
   std::abort();
 #endif
+}
+
+/// Throws `std::invalid_argument` whose text is all the parts one after the other.
+template <class... Parts>
+[[noreturn]] [[gnu::cold]] void invalid(const Parts&... parts) {
+  const MessagePart all[] = {MessagePart::of(parts)...};
+  invalid_message(all, sizeof...(parts));
 }
 
 /// Throws unless `value` is finite and above zero. NaN fails.

@@ -1,0 +1,60 @@
+#!/usr/bin/env bash
+# What a user's file costs to compile, as multiples of an include of Eigen/Dense alone in the same
+# run: a Markdown table. With --check it fails where a bound is exceeded. User time of the fastest
+# of three; the bounds are for g++.
+source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
+
+check=false
+[[ ${1:-} == --check ]] && check=true
+need g++:g++ libeigen3-dev time:/usr/bin/time
+need_compiler
+work=build/compile_cost
+mkdir -p "$work"
+echo '#include <Eigen/Dense>' >"$work/dense.cpp"
+echo '#include <icat/icat.hpp>' >"$work/icat.cpp"
+eigen=${ICAT_EIGEN:-/usr/include/eigen3}
+[[ -d $eigen ]] || fail "no Eigen in $eigen: name its folder in ICAT_EIGEN"
+
+# measure <file> <flags>...: user seconds and megabytes
+measure() {
+  local file=$1
+  shift
+  for _ in 1 2 3; do
+    /usr/bin/time -f '%U %M' "$CXX" -std=c++20 "$@" -DICAT_PLOT_SCRIPT='""' -Iinclude \
+      -isystem "$eigen" -c "$file" -o "$work/object.o" 2>&1 | tail -n1
+  done | sort -n | awk 'NR == 1 { s = $1 } { if ($2 > m) m = $2 } END { printf "%.2f %.0f\n", s, m / 1024 }'
+}
+
+# row <what> <file> <flags> <times, or -> <megabytes, or ->
+failures=0
+row() {
+  local seconds megabytes again met
+  # What disturbs a measurement only adds to it, so a row that is over is measured again.
+  for again in 1 2 3; do
+    read -r seconds megabytes < <(measure "$2" $3)
+    met=$(awk -v r="$seconds" -v d="$dense" -v b="$4" -v m="$megabytes" -v c="$5" \
+      'BEGIN { print (b == "-" || r <= b * d) && (c == "-" || m <= c) ? "yes" : "**no**" }')
+    [[ $met == yes ]] && break
+  done
+  [[ $met == yes ]] || failures=$((failures + 1))
+  awk -v what="$1" -v flags="$3" -v s="$seconds" -v d="$dense" -v b="$4" -v m="$megabytes" \
+    -v c="$5" -v met="$met" 'BEGIN {
+      bound = b == "-" ? "–" : "≤ " b " ×"
+      if (c != "-") bound = bound ", ≤ " c " MB"
+      printf "| `%s`, `%s` | %s | %.2f × (%.2f s), %d MB | %s |\n", what, flags, bound, s / d, s, m, met
+    }'
+}
+
+echo "| compiling, as a multiple of \`#include <Eigen/Dense>\` | bound | measured | met |"
+echo "|---|---|---|---|"
+for flags in -O0 "-O2 -DNDEBUG"; do
+  read -r dense _ < <(measure "$work/dense.cpp" $flags)
+  [[ $flags == -O0 ]] && reach=4 memory=400 || reach=6 memory=-
+  row '#include <icat/icat.hpp>' "$work/icat.cpp" "$flags" - -
+  row 'Tpik<double, 13>' benchmarks/compile_cost/bare_tpik.cpp "$flags" 2.5 -
+  row 00_reach examples/00_reach/main.cpp "$flags" "$reach" "$memory"
+  row 01_grasp examples/01_grasp/main.cpp "$flags" 9 -
+done
+if $check && ((failures)); then
+  fail "$failures of the bounds on compile time or memory are exceeded"
+fi
