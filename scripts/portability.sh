@@ -205,7 +205,7 @@ yes|-O2|
 -|-O2 -march=native -DEIGEN_MAX_ALIGN_BYTES=16 -DEIGEN_MALLOC_ALREADY_ALIGNED=1|
 yes|-O2 -march=native -mno-avx|
 yes|-O2 -march=x86-64-v2|
-yes|-O2|-O2, with icat in a shared library of its own at -march=native"
+yes|-O2|\`-O2\`, with icat in a shared library of its own at \`-march=native\`"
 
 # How a program ended.
 outcome() {
@@ -263,8 +263,7 @@ foreign() {
     kdl=$(outcome "$folder/kdl$i" 2>>"$folder/run.log" | tail -n1)
     pin=$(outcome "$folder/pinocchio$i" 2>>"$folder/run.log" | tail -n1)
     echo "Eigen alone: $eigen; KDL: $kdl; Pinocchio: $pin"
-    if [[ -z $label ]]; then label="\`$flags\`"; else label="\`-O2\`${label#-O2}"; fi
-    echo "| ${label//-march=native\`/-march=native\`} | $eigen | $kdl | $pin |" >>"$facts/foreign.rows"
+    echo "| ${label:-\`$flags\`} | $eigen | $kdl | $pin |" >>"$facts/foreign.rows"
     for program in "$eigen" "$kdl" "$pin"; do
       [[ $must != yes || $program == works ]] || failed=1
     done
