@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Builds and runs icat under many compilers, processors, flags and versions of Eigen, and prints the
 # page of the docs about it. Without arguments everything, and the page; with names of builds
-# (--list shows them) these alone. Logs: build/portability/<name>.log.
+# (--list shows them) these alone; --page prints the page again, from the last run of each build.
+# Logs: build/portability/<name>.log.
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
 work=$PWD/build/portability
@@ -10,7 +11,6 @@ facts=$work/facts
 mkdir -p "$work" "$facts"
 root=$PWD
 eigen5=5.0.1
-started=$SECONDS
 
 # --- what a build leaves for the page ------------------------------------------------------------
 
@@ -50,7 +50,7 @@ user() {
   # GCC before 13 finds '__Y' uninitialized in its own AVX-512 intrinsics where Eigen's predux uses
   # them; any sum over a vector of Eigen shows that.
   if [[ $cxx == *g++* && $cxx != clang* ]] && (($("$cxx" -dumpversion | cut -d. -f1) < 13)) &&
-    "$cxx" $flags -dM -E -x c++ /dev/null | grep -q __AVX512F__; then
+    grep -q __AVX512F__ <<<"$("$cxx" $flags -dM -E -x c++ /dev/null)"; then
     warnings="-Wno-uninitialized;-Wno-maybe-uninitialized"
   fi
   cmake -G Ninja -S tests/user_project -B "$folder" -DCMAKE_BUILD_TYPE=None \
@@ -437,7 +437,7 @@ MD
   fi
   printf '\n%s, %s processors, %s min.\n' \
     "$(sed -n '/^model name/{s/^[^:]*: //p;q}' /proc/cpuinfo)" "$(nproc)" \
-    "$(((SECONDS - started + 59) / 60))"
+    "$(for build in $names; do get "$build" time && echo; done | awk '{ s += $1 } END { print int((s + 59) / 60) }')"
 }
 
 # --- main ----------------------------------------------------------------------------------------
@@ -445,6 +445,9 @@ MD
 names=$(cut -d'|' -f1 <<<"$x86_builds$other_builds" | sed '/^$/d')
 if [[ ${1-} == --list ]]; then
   echo "$names"
+  exit
+elif [[ ${1-} == --page ]]; then
+  page
   exit
 fi
 for build in "$@"; do
