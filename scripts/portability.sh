@@ -224,7 +224,6 @@ foreign() {
   need_cxx g++-12
   need liborocos-kdl-dev
   python_tools
-  # Both bring headers and libraries; not the numerical packages of Python.
   "$work/venv/bin/pip" install -q pin==4.1.0
   local prefix source=tests/user_project/foreign folder=$work/foreign must flags label i=0
   prefix=$(echo "$work"/venv/lib/python*/site-packages/cmeel.prefix)
@@ -370,10 +369,10 @@ Printed by `./scripts/portability.sh`, which builds and runs all of it: each com
 
 ## What to know first
 
-**`-march=native` and foreign libraries.** Eigen aligns its memory for the widest packets of the processor that it is compiled for: 16 bytes without options, 32 with AVX, 64 with AVX-512. A library that somebody else compiled (Pinocchio or KDL from a package) has 16. A program that is compiled with `-march=native`, `-march=x86-64-v3` or `-mavx` disagrees with that library about where matrices lie and how their memory is freed, and crashes, usually at the first call that hands over a matrix. This is so with every library that has Eigen in its interface, with icat or without. icat adds no flags to a program. The [table below](#foreign) shows what was tried. Three ways work:
+**`-march=native` and foreign libraries.** Eigen aligns its memory for the widest packets of the processor that it is compiled for: 16 bytes without options, 32 with AVX, 64 with AVX-512. A library that somebody else compiled (Pinocchio or KDL from a package) has 16. A program that is compiled with `-march=native`, `-march=x86-64-v3` or `-mavx` disagrees with that library about where matrices lie and how their memory is freed, and crashes, usually at the first call that hands over a matrix. This is so with every library that has Eigen in its interface, with icat or without. icat adds no flags to a program. The [table below](#foreign) shows what was tried. What works:
 
 - Compile without `-march`, or up to `-march=x86-64-v2`. `-march=native -mno-avx` is the same with the instructions that need no wide registers.
-- Compile everything that has Eigen in its interface with the same flags, the foreign library, too.
+- Compile everything that has Eigen in its interface with the same flags, the foreign library, too (not tried here).
 - Put the control loop into a shared library of its own, compiled with `-march=native -fvisibility=hidden -fvisibility-inlines-hidden` and linked with `-Wl,-Bsymbolic`, and hand over plain pointers to numbers: `tests/user_project/foreign/solver.hpp` is an example.
 
 `EIGEN_MAX_ALIGN_BYTES=16` and `EIGEN_MAX_STATIC_ALIGN_BYTES=16` do not help: memory from the heap is still aligned for wide packets. With `EIGEN_MALLOC_ALREADY_ALIGNED=1` on top the small programs run, but Eigen itself crashes in a product of 200 × 200.
@@ -386,7 +385,7 @@ Printed by `./scripts/portability.sh`, which builds and runs all of it: each com
 
 ## One rule for every build
 
-The oracle test compares the solver with the literal formula in `long double` on 2,080 random hierarchies. An error is at most 1e-9, or ten times what the literal formula itself loses in `double`. What it loses depends on the order of its sums, and thus on compiler and flags; the worst of eight orders of rows and columns counts, so that the rule does not hang on luck. The same rule holds in every build below. The hierarchies beyond 1e-9 have eigenvalues at the threshold or rows 1e-9 apart, where the formula itself magnifies rounding errors.
+The oracle test compares the solver with the literal formula in `long double` on 2,080 random hierarchies. An error is at most 1e-9, or ten times what the literal formula itself loses in `double`. What it loses depends on the order of its sums, and thus on compiler and flags; the worst of eight orders of rows and columns counts, so that the rule does not hang on luck. The same rule holds in every build below. In the few hierarchies beyond 1e-9 the literal formula loses about as much: see the last columns.
 
 ## x86-64
 
