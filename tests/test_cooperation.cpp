@@ -75,6 +75,33 @@ TEST(MessageRange, WhatFloat32CannotHoldIsRefused) {
   EXPECT_EQ(icat::encode(Vector6::Constant(1e39), bytes), Status::non_finite);
 }
 
+// What a little-endian machine wrote, as a constant: on every machine these bytes are these
+// numbers.
+TEST(MessageBytes, AreTheSameOnEveryMachine) {
+  // clang-format off
+  constexpr std::array<unsigned char, icat::message_size(8)> wire{
+      0xcd, 0xcc, 0xcc, 0x3d,  // 0.1
+      0x00, 0x00, 0x20, 0xc0,  // -2.5
+      0x60, 0x42, 0xa2, 0x0d,  // 1e-30
+      0x17, 0x76, 0x17, 0x72,  // 3e30
+      0x33, 0x33, 0x33, 0xbf,  // -0.7
+      0xdb, 0x0f, 0x49, 0x40,  // pi
+      0xca, 0x02, 0x00, 0x00,  // 1e-42: subnormal
+      0x00, 0x00, 0x00, 0x80,  // -0
+  };
+  // clang-format on
+  const std::array<float, 8> numbers{0.1f, -2.5f, 1e-30f, 3e30f, -0.7f, 3.14159265f, 1e-42f, -0.0f};
+  icat::Vector<float, 8> received;
+  ASSERT_EQ(icat::decode(std::as_bytes(std::span(wire)), received), Status::ok);
+  for (std::size_t i = 0; i < 8; ++i) {
+    EXPECT_EQ(std::bit_cast<std::uint32_t>(received(static_cast<int>(i))),
+              std::bit_cast<std::uint32_t>(numbers[i]));
+  }
+  std::array<std::byte, icat::message_size(8)> sent;
+  ASSERT_EQ(icat::encode(received, sent), Status::ok);
+  for (std::size_t i = 0; i < wire.size(); ++i) EXPECT_EQ(sent[i], std::byte{wire[i]}) << i;
+}
+
 // --- fusion --------------------------------------------------------------------------------------
 
 Vector6 twist(double x, double y, double z, double wx = 0, double wy = 0, double wz = 0) {

@@ -9,6 +9,7 @@
 
 namespace {
 
+using oracle::Mat;
 using oracle::Vec;
 
 template <class Solver>
@@ -24,27 +25,100 @@ double relative_error(const Eigen::VectorXd& x, const Vec<long double>& exact) {
   return static_cast<double>((x.cast<long double>() - exact).norm() / std::max(exact.norm(), 1.0L));
 }
 
+double relative_error(const Eigen::MatrixXd& Q, const Mat<long double>& exact) {
+  return static_cast<double>((Q.cast<long double>() - exact).norm() /
+                             std::sqrt(static_cast<long double>(exact.rows())));
+}
+
+/// New place of each of `size` things; in order 0 each keeps its own.
+Eigen::PermutationMatrix<Eigen::Dynamic> places(HierarchyGenerator& gen, Eigen::Index size,
+                                                int order) {
+  Eigen::PermutationMatrix<Eigen::Dynamic> p(size);
+  p.setIdentity();
+  for (int i = static_cast<int>(size) - 1; order > 0 && i > 0; --i) {
+    std::swap(p.indices()(i), p.indices()(gen.integer(0, i)));
+  }
+  return p;
+}
+
+/// The literal formula in `Real` on the first `levels` levels, and the closing one if `close`, with
+/// columns and rows in another order; ρ and Q are turned back. In exact arithmetic every order
+/// gives the same.
+template <class Real>
+oracle::LiteralTpik<Real> literal_in_order(int order, const RandomHierarchy& h, std::size_t levels,
+                                           bool close, const oracle::Parameters<Real>& p) {
+  HierarchyGenerator gen(static_cast<unsigned>(order));
+  const auto columns = places(gen, h.dof, order);
+  oracle::LiteralTpik<Real> tpik{p, columns * h.rho0.cast<Real>(),
+                                 columns * h.Q0.cast<Real>() * columns.transpose(),
+                                 Vec<Real>::Zero(h.dof)};
+  for (std::size_t l = 0; l < levels; ++l) {
+    const RandomLevel& level = h.levels[l];
+    const auto rows = places(gen, level.a.size(), order);
+    tpik.add(rows * level.J.cast<Real>() * columns.transpose(), rows * level.a.cast<Real>(),
+             rows * level.reference.cast<Real>());
+  }
+  if (close) tpik.close();
+  tpik.rho = (columns.transpose() * tpik.rho).eval();
+  tpik.Q = (columns.transpose() * tpik.Q * columns).eval();
+  return tpik;
+}
+
+/// The one rule of this file, in every build: an error is at most `floor`, or ten times what the
+/// literal formula itself loses in `Real`. What it loses depends on the order of its sums, thus on
+/// compiler and flags, and one order may be lucky by some powers of ten: the worst of eight counts.
+/// `error_of` measures a LiteralTpik<Real> as `error` was measured. Returns the error in units of
+/// what the literal formula loses; 0 up to `floor`.
+template <class Real, class ErrorOf>
+double expect_as_good_as_literal(double error, double floor, const RandomHierarchy& h,
+                                 std::size_t levels, bool close, const oracle::Parameters<Real>& p,
+                                 const ErrorOf& error_of) {
+  if (error <= floor) return 0;
+  double literal = 0;
+  for (int order = 0; order < 8; ++order) {
+    literal = std::max(literal, error_of(literal_in_order<Real>(order, h, levels, close, p)));
+  }
+  EXPECT_LE(error, 10 * literal);
+  return error / literal;
+}
+
+struct Judged {
+  double error, by_literal;
+};
+
+/// The velocity of a whole hierarchy.
+template <class Real>
+Judged expect_exact(const Eigen::VectorXd& velocity, const RandomHierarchy& h,
+                    const oracle::Parameters<Real>& p = {}, double floor = 1e-9) {
+  const Vec<long double> exact =
+      oracle::solve<long double>(h, {p.lambda, p.threshold, p.eta, p.form});
+  const double error = relative_error(velocity, exact);
+  return {error, expect_as_good_as_literal<Real>(
+                     error, floor, h, h.levels.size(), true, p, [&](const auto& l) {
+                       return relative_error(Eigen::VectorXd(l.rho.template cast<double>()), exact);
+                     })};
+}
+
 // Shards, so that two cores share the long-double SVDs. 8 × 260 = 2,080 hierarchies.
 class Oracle : public testing::TestWithParam<int> {};
 
 TEST_P(Oracle, EqualsTheLiteralFormula) {
   constexpr int per_shard = sanitized ? 20 : 260;
-  double worst = 0;
+  Judged worst{};
+  int beyond = 0;
   for (int i = 0; i < per_shard; ++i) {
     const unsigned seed = static_cast<unsigned>(GetParam() * per_shard + i);
     SCOPED_TRACE(seed);
     const RandomHierarchy h = HierarchyGenerator(seed).hierarchy();
     icat::Tpik<double> tpik(h.dof);
     run(tpik, h);
-    const Vec<long double> exact = oracle::solve<long double>(h);
-    const double error = relative_error(tpik.velocity(), exact);
-    worst = std::max(worst, error);
-    if (error > 1e-9) {
-      EXPECT_LE(error, 10 * relative_error(oracle::solve<double>(h), exact));
-    }
+    const Judged judged = expect_exact<double>(tpik.velocity(), h);
+    worst = {std::max(worst.error, judged.error), std::max(worst.by_literal, judged.by_literal)};
+    beyond += judged.error > 1e-9;
   }
-  RecordProperty("worst_relative_error", std::to_string(worst));
-  std::printf("worst relative error %.2e\n", worst);
+  // Read by scripts/portability.sh.
+  std::printf("worst relative error %.1e, %d beyond 1e-9, worst %.2f of the literal's\n",
+              worst.error, beyond, worst.by_literal);
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, Oracle, testing::Range(0, 8));
@@ -53,16 +127,10 @@ TEST(Oracle, EqualsTheLiteralFormulaWithOtherPoliciesAndWeight) {
   for (unsigned seed = 5000; seed < 5100; ++seed) {
     SCOPED_TRACE(seed);
     const RandomHierarchy h = HierarchyGenerator(seed).hierarchy(4, 15);
-    oracle::Parameters<long double> p{1e-2L, 5e-2L, 10, oracle::Form::damped};
-    oracle::Parameters<double> p_double{1e-2, 5e-2, 10, oracle::Form::damped};
     icat::Tpik<double, Eigen::Dynamic, icat::DampedBellRegularization<double>> tpik(
         h.dof, {.regularization = {.lambda = 1e-2, .threshold = 5e-2}, .projection_weight = 10});
     run(tpik, h);
-    const Vec<long double> exact = oracle::solve<long double>(h, p);
-    const double error = relative_error(tpik.velocity(), exact);
-    if (error > 1e-9) {
-      EXPECT_LE(error, 10 * relative_error(oracle::solve<double>(h, p_double), exact));
-    }
+    expect_exact<double>(tpik.velocity(), h, {1e-2, 5e-2, 10, oracle::Form::damped});
   }
 }
 
@@ -74,11 +142,7 @@ void static_equals_oracle() {
     const RandomHierarchy h = HierarchyGenerator(seed).hierarchy(N, N);
     icat::Tpik<double, N> tpik;
     run(tpik, h);
-    const Vec<long double> exact = oracle::solve<long double>(h);
-    const double error = relative_error(tpik.velocity(), exact);
-    if (error > 1e-9) {
-      EXPECT_LE(error, 10 * relative_error(oracle::solve<double>(h), exact));
-    }
+    expect_exact<double>(tpik.velocity(), h);
   }
 }
 TEST(Oracle, StaticSizesEqualTheLiteralFormula) {
@@ -93,21 +157,20 @@ TEST(Oracle, EveryLevelEqualsTheLiteralFormula) {
     SCOPED_TRACE(seed);
     const RandomHierarchy h = HierarchyGenerator(seed).hierarchy(4, 16);
     auto exact = oracle::start<long double>(h);
-    auto literal = oracle::start<double>(h);
     icat::Tpik<double> tpik(h.dof);
     ASSERT_EQ(tpik.reset(h.rho0, h.Q0), icat::Status::ok);
-    for (const auto& level : h.levels) {
+    for (std::size_t levels = 1; levels <= h.levels.size(); ++levels) {
+      const RandomLevel& level = h.levels[levels - 1];
       exact.add(level.J.cast<long double>(), level.a.cast<long double>(),
                 level.reference.cast<long double>());
-      literal.add(level.J, level.a, level.reference);
       ASSERT_EQ(tpik.add_level(level.J, level.a, level.reference), icat::Status::ok);
-      const double e_Q = static_cast<double>(
-          (tpik.projector().cast<long double>() - exact.Q).norm() / std::sqrt(h.dof));
-      const double literal_Q =
-          static_cast<double>((literal.Q.cast<long double>() - exact.Q).norm() / std::sqrt(h.dof));
-      EXPECT_LE(e_Q, std::max(1e-9, 10 * literal_Q));
-      EXPECT_LE(relative_error(tpik.velocity(), exact.rho),
-                std::max(1e-9, 10 * relative_error(literal.rho, exact.rho)));
+      const auto expect = [&](double error, const auto& error_of) {
+        expect_as_good_as_literal<double>(error, 1e-9, h, levels, false, {}, error_of);
+      };
+      expect(relative_error(Eigen::MatrixXd(tpik.projector()), exact.Q),
+             [&](const auto& l) { return relative_error(l.Q, exact.Q); });
+      expect(relative_error(Eigen::VectorXd(tpik.velocity()), exact.rho),
+             [&](const auto& l) { return relative_error(l.rho, exact.rho); });
     }
   }
 }
@@ -125,9 +188,7 @@ TEST(Oracle, LevelsWithMoreRowsThanDegreesOfFreedom) {
     h.levels.insert(h.levels.begin() + gen.integer(0, static_cast<int>(h.levels.size()) - 1), tall);
     icat::Tpik<double> tpik(h.dof);
     run(tpik, h);
-    const Vec<long double> exact = oracle::solve<long double>(h);
-    const double error = relative_error(tpik.velocity(), exact);
-    EXPECT_LE(error, std::max(1e-9, 10 * relative_error(oracle::solve<double>(h), exact)));
+    expect_exact<double>(tpik.velocity(), h);
   }
 }
 
@@ -152,11 +213,8 @@ TEST(Oracle, SinglePrecisionIsAsGoodAsTheLiteralFormulaInSinglePrecision) {
       level.a = level.a.cast<float>().cast<double>().eval();
       level.reference = level.reference.cast<float>().cast<double>().eval();
     }
-    const Vec<long double> exact = oracle::solve<long double>(rounded);
-    const double error = relative_error(tpik.velocity().cast<double>(), exact);
-    const double literal = relative_error(oracle::solve<float>(rounded).cast<double>(), exact);
-    // 5e-2 · 1e-9 scaled by the ratio of the machine epsilons would be 0.5; ask for 1e-2.
-    EXPECT_LE(error, std::max(1e-2, 10 * literal));
+    // 1e-9 scaled by the ratio of the machine epsilons would be 0.5; ask for 1e-2.
+    expect_exact<float>(tpik.velocity().cast<double>(), rounded, {}, 1e-2);
   }
 }
 

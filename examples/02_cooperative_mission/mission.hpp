@@ -96,8 +96,7 @@ inline Robot make_robot() {
 class Side {
  public:
   Side(double side, const Variant& variant)
-      : side_(side),
-        robot(make_robot()),
+      : robot(make_robot()),
         gripper(robot.description().tool),
         plant(plant_options(side, variant)),
         joint_limits(robot, {.margin = limit_margin, .gain = 0.5}),
@@ -160,8 +159,6 @@ class Side {
   }
 
  private:
-  const double side_;
-
   static Pose away_goal(double side) {
     Pose goal = deployment * grasp_on_pipe(side);
     goal.translation().z() -= step_back;
