@@ -74,7 +74,7 @@ constexpr std::uint32_t paint = 0xdecafbad;
 
 std::uint32_t highest_stack() {
   const std::uint32_t* word = stack_begin;
-  while (word < stack_end && *word == paint) ++word;
+  while (*word == paint) ++word;
   return static_cast<std::uint32_t>(stack_end - word) * 4;
 }
 
@@ -157,6 +157,7 @@ void run_instructions(std::uint32_t instructions) {
 
 void lock_memory() { memory_locked = true; }
 void print_memory() {
+  if (*stack_begin != paint) fail("the stack was full");
   const auto bytes = [](const std::uint32_t* begin, const std::uint32_t* end) {
     return static_cast<std::uint32_t>(end - begin) * 4;
   };
