@@ -49,7 +49,9 @@ Run read(const std::string& file) {
     std::string kind, name;
     words >> kind >> name;
     if (kind == "solve" || kind == "cycle") {
-      auto& velocity = run.velocities[kind].emplace_back();
+      auto& velocities = run.velocities[kind];
+      if (name != std::to_string(velocities.size())) fail(file + ": a line is missing: " + line);
+      auto& velocity = velocities.emplace_back();
       for (auto& x : velocity) words >> std::hex >> x;
     } else if (kind == "figure") {
       words >> run.figures[name];
