@@ -166,10 +166,10 @@ inline bool all_finite(Index n, const Scalar* x) noexcept {
   // Zero but for infinities and NaN, which stay.
   const Packet zero = pset1<Packet>(Scalar(0));
   Packet sum = zero;
-  Index i = 0;
-  for (; i + size <= n; i += size) sum = pmadd(ploadu<Packet>(x + i), zero, sum);
+  const Index whole = n / size * size;
+  for (Index i = 0; i < whole; i += size) sum = pmadd(ploadu<Packet>(x + i), zero, sum);
   Scalar rest = predux(sum);
-  for (; i < n; ++i) rest += x[i] * Scalar(0);
+  for (Index i = whole; i < n; ++i) rest += x[i] * Scalar(0);
   return rest == Scalar(0);
 }
 
