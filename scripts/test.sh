@@ -1,9 +1,12 @@
 #!/usr/bin/env bash
-# All that must pass: the tests in Release, the tests with sanitizers, the documentation.
+# All that must pass: the tests in Release, the tests with sanitizers, the documentation, the demo as
+# the README says it, what a user's file costs to compile, and that all this takes no longer than 25
+# minutes from a fresh clone on two cores.
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
 need g++:g++ clang:clang++ cmake:cmake ninja-build:ninja ccache:ccache doxygen:doxygen \
-  gnuplot-nox:gnuplot libeigen3-dev libgtest-dev libbenchmark-dev libcli11-dev libmujoco-dev
+  gnuplot-nox:gnuplot libeigen3-dev libgtest-dev libbenchmark-dev libcli11-dev libmujoco-dev \
+  time:/usr/bin/time git:git
 need_compiler
 
 # Where the sanitizers of clang are a package of their own, it carries the version in its name.
@@ -12,6 +15,7 @@ if ! clang++ -fsanitize=address,undefined -x c++ - -o build/sanitizer_probe \
   2>/dev/null <<<'int main() {}'; then
   need "libclang-rt-$(clang++ -dumpversion | cut -d. -f1)-dev"
 fi
+SECONDS=0 # installing depends on the network
 
 for preset in release sanitize; do
   build "$preset"
@@ -19,4 +23,23 @@ for preset in release sanitize; do
   ctest --preset "$preset" --parallel "$(parallel_jobs)" || fail "tests fail: $preset"
 done
 build docs
-say "All tests pass"
+
+# A newcomer's first minute: the files of this tree in a new folder, whose path has a space, without
+# a compiler cache.
+clone="$PWD/build/a fresh clone"
+rm -rf "$clone"
+mkdir -p "$clone"
+git ls-files -z --cached --others --exclude-standard | tar c --null -T - | tar x -C "$clone"
+start=$SECONDS
+say "Demo"
+CCACHE_DISABLE=1 "$clone/scripts/demo.sh" || fail "the demo fails"
+demo=$((SECONDS - start))
+rm -rf "$clone"
+say "The demo took $demo s"
+((demo < 60 || $(nproc) < 2)) || fail "the demo took $demo s; a newcomer is promised a minute"
+
+say "What a user's file costs to compile"
+./scripts/compile_cost.sh --check
+
+say "All tests pass, in $((SECONDS / 60)) min $((SECONDS % 60)) s"
+((SECONDS < 1500 || $(nproc) < 2)) || fail "the tests took longer than 25 minutes"
