@@ -93,8 +93,8 @@ step() {
   if [[ -t 1 ]]; then
     printf '== %s' "$title"
     if ! "$@" 2>&1 </dev/null | tee "$log" | while IFS= read -r line; do
-      [[ $line =~ ^\[([0-9]+)/([0-9]+)\] ]] || continue
-      done=${BASH_REMATCH[1]} all=${BASH_REMATCH[2]}
+      [[ $line =~ ^\[([0-9]+)/([1-9][0-9]*)\] ]] || continue
+      done=$((10#${BASH_REMATCH[1]})) all=${BASH_REMATCH[2]}
       printf '\r== %s [%-20.*s]' "$title" $((20 * done / all)) '####################'
     done; then
       printf '\n'

@@ -1,7 +1,9 @@
 #!/usr/bin/env bash
 # What a user's file costs to compile, as multiples of an include of Eigen/Dense alone in the same
-# run: a Markdown table. With --check it fails where a bound is exceeded. User time of the fastest
-# of three; the bounds are for g++.
+# run: a Markdown table. With --check it fails where a bound is exceeded by more than a tenth, which
+# is how far two measurements of the same file may differ on a busy machine. User time of the fastest
+# of three; the bounds are for g++. What the examples' command line costs (CLI11) is not in it: that
+# is compiled once, in examples/support.
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
 check=false
@@ -20,9 +22,10 @@ measure() {
   local file=$1
   shift
   for _ in 1 2 3; do
-    /usr/bin/time -f '%U %M' "$CXX" -std=c++20 "$@" -DICAT_PLOT_SCRIPT='""' -Iinclude \
-      -isystem "$eigen" -c "$file" -o "$work/object.o" 2>&1 | tail -n1
-  done | sort -n | awk 'NR == 1 { s = $1 } { if ($2 > m) m = $2 } END { printf "%.2f %.0f\n", s, m / 1024 }'
+    /usr/bin/time -f '%U %M' -o "$work/time" "$CXX" -std=c++20 "$@" -DICAT_PLOT_SCRIPT='""' \
+      -Iinclude -isystem "$eigen" -c "$file" -o "$work/object.o" >&2 || echo failed
+    tail -n1 "$work/time"
+  done | sort -n | awk '/failed/ { bad = 1 } NR == 1 { s = $1 } { if ($2 > m) m = $2 } END { if (bad) print "failed"; else printf "%.2f %.0f\n", s, m / 1024 }'
 }
 
 # row <what> <file> <flags> <times, or -> <megabytes, or ->
@@ -32,11 +35,14 @@ row() {
   # What disturbs a measurement only adds to it, so a row that is over is measured again.
   for again in 1 2 3; do
     read -r seconds megabytes < <(measure "$2" $3)
+    [[ -n $megabytes ]] || fail "$2 does not compile with $3"
     met=$(awk -v r="$seconds" -v d="$dense" -v b="$4" -v m="$megabytes" -v c="$5" \
       'BEGIN { print (b == "-" || r <= b * d) && (c == "-" || m <= c) ? "yes" : "**no**" }')
     [[ $met == yes ]] && break
   done
-  [[ $met == yes ]] || failures=$((failures + 1))
+  awk -v r="$seconds" -v d="$dense" -v b="$4" -v m="$megabytes" -v c="$5" \
+    'BEGIN { exit !((b == "-" || r <= 1.1 * b * d) && (c == "-" || m <= c)) }' ||
+    failures=$((failures + 1))
   awk -v what="$1" -v flags="$3" -v s="$seconds" -v d="$dense" -v b="$4" -v m="$megabytes" \
     -v c="$5" -v met="$met" 'BEGIN {
       bound = b == "-" ? "–" : "≤ " b " ×"

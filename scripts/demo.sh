@@ -7,7 +7,9 @@ need_compiler
 missions=(01_grasp 02_cooperative_mission)
 build demo "${missions[@]}"
 
+shopt -s nullglob
 for mission in "${missions[@]}"; do
+  rm -rf -- "out/$mission"
   step "Running and drawing: $mission" "$PWD/out/$mission/report.txt" \
     "build/demo/examples/$mission" --output "out/$mission" || fail "$mission failed"
   grep '^In the current' "out/$mission/report.txt" || true
@@ -16,5 +18,5 @@ done
 echo
 for mission in "${missions[@]}"; do
   echo "Report:   $PWD/out/$mission/report.txt"
-  printf 'Pictures: %s\n' "$PWD/out/$mission"/*/*.png
+  for picture in "$PWD/out/$mission"/*/*.png; do echo "Picture:  $picture"; done
 done

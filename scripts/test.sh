@@ -24,14 +24,14 @@ for preset in release sanitize; do
 done
 build docs
 
-# A newcomer's first minute: the files of this tree in a new folder, whose path has a space, without
-# a compiler cache.
+# A newcomer's first minute: a fresh clone in a folder whose path has a space, without a compiler
+# cache.
 clone="$PWD/build/a fresh clone"
 rm -rf "$clone"
-mkdir -p "$clone"
-git ls-files -z --cached --others --exclude-standard | tar c --null -T - | tar x -C "$clone"
+git clone -q . "$clone"
+[[ -z $(git status --porcelain) ]] || say "What is not committed is not in the demo"
 start=$SECONDS
-say "Demo"
+say "Demo, in a fresh clone"
 CCACHE_DISABLE=1 "$clone/scripts/demo.sh" || fail "the demo fails"
 demo=$((SECONDS - start))
 rm -rf "$clone"

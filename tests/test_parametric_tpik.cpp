@@ -125,4 +125,28 @@ TEST(Underactuation, BothFormulationsAgree) {
   std::printf("worst relative error %.2e\n", worst);
 }
 
+// Eigen stores the law of a single joint by rows.
+TEST(ParametricTpik, OneJoint) {
+  icat::ParametricTpik<double, 1> law;
+  icat::ParametricTpik<double> dynamic(1);
+  MatrixXd J(1, 7), J2(1, 7);
+  J << 1, 2, 3, 4, 5, 6, 7;
+  J2 << 0.5, 7, 6, 5, 4, 3, 2;
+  const VectorXd half = VectorXd::Constant(1, 0.5), one = VectorXd::Ones(1);
+  for (const auto& level : {J, J2}) {
+    ASSERT_EQ(law.add_level(level, half, one), Status::ok);
+    ASSERT_EQ(dynamic.add_level(level, half, one), Status::ok);
+  }
+  EXPECT_LT((MatrixXd(law.P()) - MatrixXd(dynamic.P())).norm(), 1e-12);
+  icat::Tpik<double, 7> tpik;
+  Eigen::Matrix<double, 7, 7> Q0 = Eigen::Matrix<double, 7, 7>::Zero();
+  Q0(0, 0) = 1;
+  Eigen::Matrix<double, 7, 1> rho0;
+  rho0 << 0, 1, -2, 3, -4, 5, -6;
+  ASSERT_EQ(tpik.reset(rho0, Q0), Status::ok);
+  for (const auto& level : {J, J2}) ASSERT_EQ(tpik.add_level(level, half, one), Status::ok);
+  const Vector6d v = rho0.tail<6>();
+  EXPECT_NEAR(law.evaluate(v)(0), tpik.velocity()(0), 1e-12);
+}
+
 }  // namespace

@@ -402,6 +402,82 @@ TEST(Tpik, TakesAUsersPolicy) {
   EXPECT_LT((tpik.velocity() - Eigen::Vector3d(0.5, 0, 0)).norm(), 1e-15);
 }
 
+/// ẏ of one level.
+template <class J, class A, class R>
+VectorXd solve_one(const J& jacobian, const A& activation, const R& reference) {
+  Tpik tpik(5);
+  EXPECT_EQ(tpik.add_level(jacobian, activation, reference), Status::ok);
+  EXPECT_EQ(tpik.minimize_velocity(), Status::ok);
+  return tpik.velocity();
+}
+
+// Whatever type the input has, it is read as what it is.
+TEST(Tpik, InputOfAnyEigenType) {
+  HierarchyGenerator gen(11);
+  const MatrixXd J = gen.matrix(3, 5), wide = gen.matrix(6, 10), A = gen.matrix(3, 3);
+  const Eigen::Vector3d a(1, 0.5, 1), r(0.1, -0.2, 0.3);
+  const VectorXd expected = solve_one(J, a, r);
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  EXPECT_EQ(solve_one(RowMajor(J), a, r), expected);
+  const MatrixXd Jt = J.transpose();
+  EXPECT_EQ(solve_one(Jt.transpose(), a, r), expected);
+  MatrixXd larger = wide;
+  larger.block(2, 4, 3, 5) = J;
+  EXPECT_EQ(solve_one(larger.block(2, 4, 3, 5), a, r), expected);
+  const MatrixXd sparse = MatrixXd::NullaryExpr(6, 10, [&](Eigen::Index i, Eigen::Index j) {
+    return i % 2 == 0 && j % 2 == 0 ? J(i / 2, j / 2) : nan;
+  });
+  using Stride = Eigen::Stride<Eigen::Dynamic, Eigen::Dynamic>;
+  EXPECT_EQ(
+      solve_one(Eigen::Map<const MatrixXd, 0, Stride>(sparse.data(), 3, 5, Stride(12, 2)), a, r),
+      expected);
+  EXPECT_EQ(solve_one(J.row(0), Eigen::Matrix<double, 1, 1>(1.0), r.head<1>()),
+            solve_one(MatrixXd(J.row(0)), VectorXd::Ones(1), VectorXd(r.head<1>())));
+  // Expressions: a product is evaluated before it is read, a constant is not.
+  const MatrixXd product = A * J;
+  EXPECT_EQ(solve_one(A * J, VectorXd::Ones(3), A * r),
+            solve_one(product, Eigen::Vector3d(1, 1, 1), Eigen::Vector3d(A * r)));
+  const Eigen::Matrix<double, 3, 3> F = A;
+  const Eigen::Matrix<double, 3, 5> G = J;
+  EXPECT_EQ(solve_one(F * G + G, 0.5 * a, F * r),
+            solve_one(MatrixXd(F * G + G), Eigen::Vector3d(0.5 * a), Eigen::Vector3d(F * r)));
+
+  Tpik column(5), row(5);
+  const VectorXd rho0 = gen.matrix(5, 1);
+  ASSERT_EQ(column.reset(rho0, MatrixXd::Identity(5, 5)), Status::ok);
+  ASSERT_EQ(row.reset(rho0.transpose(), A.row(0).sum() * MatrixXd::Zero(5, 5)), Status::ok);
+  EXPECT_EQ(column.velocity(), row.velocity());
+}
+
+// A level whose products overflow is refused, and leaves nothing behind.
+template <class Scalar, int N>
+void recovers_from_overflow(Scalar huge) {
+  for (unsigned seed = 0; seed < 200; ++seed) {
+    SCOPED_TRACE(seed);
+    HierarchyGenerator gen(seed);
+    const auto matrix = [&](int rows, int cols) {
+      return gen.matrix(rows, cols).cast<Scalar>().eval();
+    };
+    using Ones = Eigen::Matrix<Scalar, Eigen::Dynamic, 1>;
+    icat::Tpik<Scalar, N> used, fresh;
+    ASSERT_EQ(used.add_level((huge * matrix(6, N)).eval(), Ones::Ones(6), matrix(6, 1)),
+              Status::numerical_failure);
+    used.reset();
+    auto jacobian = matrix(3, N);
+    jacobian.row(1) = jacobian.row(0) + Scalar(1e-2) * jacobian.row(1);  // nearly singular
+    jacobian.row(2) = jacobian.row(0);
+    const auto reference = matrix(3, 1);
+    ASSERT_EQ(fresh.add_level(jacobian, Ones::Ones(3), reference), Status::ok);
+    ASSERT_EQ(used.add_level(jacobian, Ones::Ones(3), reference), Status::ok);
+    ASSERT_EQ(used.velocity(), fresh.velocity());
+  }
+}
+TEST(Tpik, AnOverflowLeavesNothingBehind) {
+  recovers_from_overflow<float, 13>(1e20f);
+  recovers_from_overflow<double, 13>(1e160);
+  recovers_from_overflow<double, 7>(1e160);
+}
+
 TEST(Regularization, BellsMeetThePlainInverseAtTheThreshold) {
   const auto check = [](const auto& policy, auto value_at_zero) {
     using S = decltype(value_at_zero);

@@ -195,9 +195,8 @@ template <Robot R>
 /// The shortest unified list of up to 16 actions. Fast where their orders agree; grows with the
 /// number of conflicts, and gives up with an exception rather than take minutes. For configuration,
 /// not for the control step. Allocates.
-/// @throws std::invalid_argument on no actions, two of the same name, an empty level, or a task
-/// that
-///         stands twice in one action.
+/// @throws std::invalid_argument on no actions, two of the same name, an empty level, more than 255
+///         levels, or a task that stands twice in one action.
 template <Robot R>
 [[gnu::cold]] UnifiedHierarchy<R> unified_hierarchy(const std::vector<Action<R>>& actions) {
   detail::check_actions(actions);

@@ -42,13 +42,17 @@ inline void fill_up(Index n, Scalar* x) noexcept {
   for (Index i = n; i < padded<Scalar>(n); ++i) x[i] = Scalar(0);
 }
 
-/// n × k, column-major. Zero rows follow the n.
+/// n × k, column-major. Zero rows follow the n. Two rows at least: Eigen stores a single one by
+/// rows.
 template <class Scalar, int N, int K = N>
-using Panel = Eigen::Matrix<Scalar, static_cast<int>(padded<Scalar>(N)), K>;
+using Panel =
+    Eigen::Matrix<Scalar,
+                  N == 1 && Simd<Scalar>::size == 1 ? 2 : static_cast<int>(padded<Scalar>(N)), K>;
 
 template <class P>
 P zero_panel(Index n, Index columns) {
-  return zeros<P>(padded<typename P::Scalar>(n), columns);
+  constexpr int rows = P::RowsAtCompileTime;
+  return zeros<P>(rows == Eigen::Dynamic ? padded<typename P::Scalar>(n) : rows, columns);
 }
 
 /// Columns that are `stride` apart.

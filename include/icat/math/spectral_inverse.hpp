@@ -88,7 +88,11 @@ class SpectralInverse {
     std::copy_n(vectors_.data(), n * vectors_.outerStride(), householder_.data());
     solve<false>(householder_.data(), vectors_.outerStride(), n);
     product<Into::set>(n, n, n, householder_, transposed(vectors_), out);
-    return all_finite(n * out.outerStride(), out.data());
+    // Rows below n are left over from earlier levels.
+    for (Index j = 0; j < n; ++j) {
+      if (!all_finite(n, columns(out)[j])) return false;
+    }
+    return true;
   }
 
   /// How many eigenvalues of the last S, or of its part that the last b excites, lay below the

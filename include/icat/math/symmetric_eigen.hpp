@@ -37,9 +37,9 @@ class SymmetricEigen {
     }
     if (!good) return false;
     // Keeps the squares below away from overflow and underflow.
-    const Scalar factor = scale == Scalar(0) ? Scalar(1) : Scalar(1) / scale;
+    const Scalar divisor = scale == Scalar(0) ? Scalar(1) : scale;
     for (Index j = 0; j < n; ++j) {
-      for (Index i = 0; i < n; ++i) vectors_(i, j) = factor * s(i, j);
+      for (Index i = 0; i < n; ++i) vectors_(i, j) = s(i, j) / divisor;
     }
     tridiagonalize();
     if (!diagonalize()) return false;

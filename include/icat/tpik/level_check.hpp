@@ -3,7 +3,8 @@
 /// A priority level as the solvers read it, and the checks of that input.
 ///
 /// The solvers accept any Eigen type, but one body of code works on all of them: what has an
-/// address is read by address and strides, an expression coefficient by coefficient.
+/// address is read by address and strides, a constant such as `Ones(m)` coefficient by coefficient.
+/// Any other expression is evaluated first, which allocates if its size is known at run time only.
 #pragma once
 
 #include <cmath>
@@ -14,7 +15,18 @@
 
 namespace icat::detail {
 
-/// A matrix or vector of any Eigen type. It must outlive this; nothing is copied.
+template <class T>
+inline constexpr bool is_constant = false;
+template <class Op, class Plain>
+inline constexpr bool is_constant<Eigen::CwiseNullaryOp<Op, Plain>> = true;
+
+/// What `Input` reads of an argument of type `T`: itself, or its value.
+template <class T>
+using Readable = std::conditional_t<(T::Flags & Eigen::DirectAccessBit) != 0 || is_constant<T>,
+                                    const T&, const typename T::PlainObject>;
+
+/// A matrix or vector of a type that is its own `Readable`. It must outlive this; nothing is
+/// copied.
 template <class Scalar>
 class Input {
  public:

@@ -71,10 +71,12 @@ class NullSpaceGuidance {
   Status add_task(const Eigen::MatrixBase<J>& jacobian,
                   const Eigen::MatrixBase<R>& reference_rate) noexcept {
     const auto active = Vector<Scalar, Eigen::Dynamic>::Ones(jacobian.rows());
-    const auto input = detail::level_input<Scalar>(jacobian, active, reference_rate);
+    const detail::Readable<J> j(jacobian.derived());
+    const detail::Readable<R> r(reference_rate.derived());
+    const auto input = detail::level_input<Scalar>(j, active, r);
     LevelReport<Scalar> level = detail::check_level(input, dof());
     if (level.status == Status::ok && level.rows > 0) {
-      if (solve(jacobian, reference_rate, level)) {
+      if (solve(j, r, level)) {
         detail::report_rates<N>(input, dof(), velocity_.data(), level);
       } else {
         level.status = Status::numerical_failure;

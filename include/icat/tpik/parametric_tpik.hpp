@@ -68,7 +68,10 @@ class ParametricTpik {
   template <class J, class A, class R>
   Status add_level(const Eigen::MatrixBase<J>& jacobian, const Eigen::MatrixBase<A>& activation,
                    const Eigen::MatrixBase<R>& reference) noexcept {
-    return add(detail::level_input<Scalar>(jacobian, activation, reference));
+    const detail::Readable<J> j(jacobian.derived());
+    const detail::Readable<A> a(activation.derived());
+    const detail::Readable<R> r(reference.derived());
+    return add(detail::level_input<Scalar>(j, a, r));
   }
 
   /// The closing level, which minimizes the arm's motion; call it last, always.

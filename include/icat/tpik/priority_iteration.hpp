@@ -123,8 +123,11 @@ class PriorityIteration {
            const Current& current) noexcept {
     if (stored_ == dof_) absorb();
     jacobian.template copy_row<N>(i, dof_, at(jt_, stored_));
+    // Eigen stores a single row by rows.
+    const Index step = Current::IsRowMajor ? 1 : current.outerStride();
     for (Index c = 0; c < Columns; ++c) {
-      e_(stored_, c) = wanted[c] - jacobian.template row_dot<N>(i, dof_, at(current, c));
+      const Scalar* y = current.data() + c * step;
+      e_(stored_, c) = wanted[c] - jacobian.template row_dot<N>(i, dof_, y);
     }
     binary_ &= a == Scalar(1);
     a_(stored_++) = a;

@@ -70,8 +70,11 @@ class Tpik {
   template <class R, class Q>
   Status reset(const Eigen::MatrixBase<R>& rho0, const Eigen::MatrixBase<Q>& Q0) noexcept {
     report_.clear();
-    const detail::Input<Scalar> velocity(rho0), projector(Q0);
-    const bool sized = velocity.rows * velocity.cols == dof() && velocity.cols == 1 &&
+    const detail::Readable<R> rho0_value(rho0.derived());
+    const detail::Readable<Q> Q0_value(Q0.derived());
+    const detail::Input<Scalar> velocity(rho0_value), projector(Q0_value);
+    const bool by_row = velocity.rows == 1;
+    const bool sized = velocity.rows * velocity.cols == dof() && (by_row || velocity.cols == 1) &&
                        projector.rows == dof() && projector.cols == dof();
     if (!sized || !velocity.finite() || !projector.finite()) {
       detail::fill(rho_, Scalar(0));
@@ -80,14 +83,14 @@ class Tpik {
       report_.fail(status, -1, -1);
       return status;
     }
-    for (Index i = 0; i < dof(); ++i) rho_(i) = velocity(i);
+    for (Index i = 0; i < dof(); ++i) rho_(i) = by_row ? velocity(0, i) : velocity(i);
     iteration_.reset(projector);
     return Status::ok;
   }
 
   /// One iteration of Eq. (22).
-  /// @param jacobian   m × n, any m ≥ 0; any evaluated Eigen matrix or block (expressions are
-  ///                   evaluated row by row, repeatedly).
+  /// @param jacobian   m × n, any m ≥ 0; an Eigen matrix, map or block. An expression is evaluated
+  ///                   first, which allocates if its size is known at run time only; so for all.
   /// @param activation m, the diagonal of A, in [0, 1]
   /// @param reference  m, the reference rate ẋ̄
   /// @return `ok`, or why the level was refused: it then changed nothing, later levels may follow,
@@ -96,7 +99,10 @@ class Tpik {
   template <class J, class A, class R>
   Status add_level(const Eigen::MatrixBase<J>& jacobian, const Eigen::MatrixBase<A>& activation,
                    const Eigen::MatrixBase<R>& reference) noexcept {
-    return add(detail::level_input<Scalar>(jacobian, activation, reference));
+    const detail::Readable<J> j(jacobian.derived());
+    const detail::Readable<A> a(activation.derived());
+    const detail::Readable<R> r(reference.derived());
+    return add(detail::level_input<Scalar>(j, a, r));
   }
 
   /// The closing level of Eq. (23), which keeps ẏ continuous: call it last, always. Listed in the
