@@ -17,7 +17,7 @@ eigen5=5.0.1
 # fact <key> <value>: of the build that is running.
 fact() { printf '%s' "$2" >"$facts/$name.$1"; }
 # get <build> <key>
-get() { if [[ -f $facts/$1.$2 ]]; then cat "$facts/$1.$2"; else printf '**no**'; fi; }
+get() { if [[ -f $facts/$1.$2 ]]; then cat "$facts/$1.$2"; else printf 'not run yet'; fi; }
 
 # --- parts of a build ----------------------------------------------------------------------------
 
