@@ -17,7 +17,15 @@ eigen5=5.0.1
 # fact <key> <value>: of the build that is running.
 fact() { printf '%s' "$2" >"$facts/$name.$1"; }
 # get <build> <key>
-get() { if [[ -f $facts/$1.$2 ]]; then cat "$facts/$1.$2"; else printf 'not run yet'; fi; }
+get() {
+  if [[ -f $facts/$1.$2 ]]; then
+    cat "$facts/$1.$2"
+  elif [[ -f $facts/$1.state ]]; then
+    printf '**no**' # the build ended before it came to this
+  else
+    printf 'not run yet'
+  fi
+}
 
 # --- parts of a build ----------------------------------------------------------------------------
 
