@@ -10,6 +10,10 @@ out=$PWD/out/portability
 facts=$work/facts
 mkdir -p "$work" "$facts"
 root=$PWD
+# What a row was measured on: rows may come from different runs.
+revision=$(git rev-parse --short HEAD 2>/dev/null || echo unknown)
+[[ -z $(git status --porcelain --untracked-files=no -- include tests examples cmake 2>/dev/null) ]] ||
+  revision+=+
 eigen5=5.0.1
 
 # --- what a build leaves for the page ------------------------------------------------------------
@@ -355,6 +359,7 @@ run() {
   ) >"$work/$name.log" 2>&1 </dev/null &
   wait $! || state=FAILS
   fact time "$((SECONDS - start)) s"
+  fact revision "$revision"
   if [[ $state == passes ]]; then fact state yes; else
     fact state '**no**'
     failures+=("$name")
@@ -373,7 +378,7 @@ page() {
   cat <<'MD'
 # Portability {#portability}
 
-Printed by `./scripts/portability.sh`, which builds and runs all of it: each compiler, processor, optimization level and library once, not their product. `./scripts/portability.sh --list` names the builds, and `./scripts/portability.sh gcc12-v3 arm64` runs two of them.
+Printed by `./scripts/portability.sh`, which builds and runs all of it: each compiler, processor, optimization level and library once, not their product. `./scripts/portability.sh --list` names the builds, and `./scripts/portability.sh gcc12-v3 arm64` runs two of them. Each row names the revision that it was measured on (`+`: with changes that were not committed), and `--page` joins the last run of each build, so rows need not be of one run.
 
 ## What to know first
 
@@ -399,13 +404,13 @@ The oracle test compares the solver with the literal formula in `long double` on
 
 Every header alone, every example and the oracle test compile with `-Wall -Wextra -Wpedantic -Wconversion -Wshadow -Werror` in a user's project. *plain*: icat's include folder as it is, by `add_subdirectory`; *system*: as an installed package. Eigen is 3.4 here. *Beyond 1e-9* counts hierarchies; *times the literal's* is the largest error among them in units of the literal formula's, at most 10.
 
-| build | compiler | flags | icat as | compiles | oracle test passes | worst relative error | beyond 1e-9 | times the literal's | time |
-|---|---|---|---|---|---|---|---|---|---|
+| build | compiler | flags | icat as | compiles | oracle test passes | worst relative error | beyond 1e-9 | times the literal's | time | revision |
+|---|---|---|---|---|---|---|---|---|---|---|
 MD
   local build cxx flags as examples what key
   while IFS='|' read -r build cxx flags as examples; do
     [[ -n $build ]] || continue
-    echo "| $build | $cxx ($(get "$build" compiler)) | \`$flags\` | ${as/both/plain, system} | $(get "$build" compiles) | $(get "$build" passes) | $(get "$build" worst) | $(get "$build" beyond) | $(get "$build" ratio) | $(get "$build" time) |"
+    echo "| $build | $cxx ($(get "$build" compiler)) | \`$flags\` | ${as/both/plain, system} | $(get "$build" compiles) | $(get "$build" passes) | $(get "$build" worst) | $(get "$build" beyond) | $(get "$build" ratio) | $(get "$build" time) | $(get "$build" revision) |"
   done <<<"$x86_builds"
   cat <<'MD'
 
@@ -413,8 +418,8 @@ The examples of gcc11-v1 and clang19-v3 are linked, the others compiled.
 
 ## Other processors, libraries and flags
 
-| build | what | passes | worst relative error | beyond 1e-9 | times the literal's | time |
-|---|---|---|---|---|---|---|
+| build | what | passes | worst relative error | beyond 1e-9 | times the literal's | time | revision |
+|---|---|---|---|---|---|---|---|
 MD
   while IFS='|' read -r build _ what; do
     [[ -n $build ]] || continue
@@ -422,7 +427,7 @@ MD
     for key in worst beyond ratio; do
       if [[ -f $facts/$build.$key ]]; then printf '| %s ' "$(get "$build" $key)"; else printf '| - '; fi
     done
-    echo "| $(get "$build" time) |"
+    echo "| $(get "$build" time) | $(get "$build" revision) |"
   done <<<"$other_builds"
   cat <<MD
 
