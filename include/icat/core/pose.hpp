@@ -14,4 +14,18 @@ namespace icat {
 template <class Scalar>
 using Pose = Eigen::Transform<Scalar, 3, Eigen::Isometry>;
 
+/// R = I, o = 0, as a default of a member: a conversion, not the call of a function, for the same
+/// reason as `infinity`.
+struct IdentityPose {
+  /// As a pose.
+  template <class Scalar>
+  operator Pose<Scalar>() const {  // NOLINT: converts on purpose
+    Pose<Scalar> pose;
+    for (Index j = 0; j < 4; ++j) {
+      for (Index i = 0; i < 4; ++i) pose.matrix()(i, j) = i == j ? Scalar(1) : Scalar(0);
+    }
+    return pose;
+  }
+};
+
 }  // namespace icat

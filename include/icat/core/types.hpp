@@ -20,8 +20,16 @@ its bounds on rounding errors depend on the order of the sums"
 #endif
 
 #include <Eigen/Core>
+#include <limits>
 
 namespace icat {
+
+/// No limit. A constant instead of a call: GCC 12 stops with an internal error where a class member
+/// is initialised from bare braces and a default inside them calls a function, or a constructor
+/// whose `noexcept` it has to work out. So no default in the library does either; a vector that is
+/// empty by default begins as an empty `std::initializer_list`.
+template <class Scalar>
+inline constexpr Scalar infinity = std::numeric_limits<Scalar>::infinity();
 
 using Eigen::Index;
 

@@ -3,22 +3,22 @@
 /// The electric 7-DoF arm of the MARIS project, and where it sits under the vehicle.
 #pragma once
 
-#include "icat/model/serial_chain.hpp"
+#include "icat/model/joint.hpp"
 
 namespace icat {
 
 /// Seven revolute joints with their limits. At q = 0 the arm is stretched along z of ⟨b⟩ and all
 /// frames are parallel to ⟨b⟩.
 template <class Scalar>
-SerialChain<Scalar, 7> maris_arm() {
+[[gnu::cold]] SerialArm<Scalar, 7> maris_arm() {
   const Vector3<Scalar> y(Scalar(0), Scalar(1), Scalar(0)), z(Scalar(0), Scalar(0), Scalar(1));
   const auto at = [](double px, double pz) {
     return Vector3<Scalar>(static_cast<Scalar>(px), Scalar(0), static_cast<Scalar>(pz));
   };
   const auto joint = [](const Vector3<Scalar>& axis, const Vector3<Scalar>& point, double lower,
                         double upper) {
-    return Joint<Scalar>{JointType::revolute, axis, point, static_cast<Scalar>(lower),
-                         static_cast<Scalar>(upper)};
+    return JointAxis<Scalar>{JointType::revolute, axis, point, static_cast<Scalar>(lower),
+                             static_cast<Scalar>(upper)};
   };
   const Pose<Scalar> end_effector =
       detail::make_pose(detail::identity<Matrix3<Scalar>>(3), at(-0.1455, 1.2665));
@@ -32,8 +32,8 @@ SerialChain<Scalar, 7> maris_arm() {
           end_effector};
 }
 
-/// Index of the joint whose point is the elbow.
-inline constexpr Index maris_elbow_joint = 3;
+/// The link whose origin is the elbow.
+inline constexpr const char* maris_elbow = "link4";
 
 /// ⟨b⟩ in ⟨v⟩, of which z points down: under the hull, turned by π about z. (Published with z up
 /// as (0.167, 0, −0.43) m, turned by π about x and z.)

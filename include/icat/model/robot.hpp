@@ -1,27 +1,200 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// What tasks and controllers need to know of a robot.
+/// What a robot is to tasks and controllers: a velocity of n columns, frames that move with it,
+/// joints that have limits, and a base that can do some velocities.
+///
+///     ẏ = [q̇; v] ∈ Rⁿ                       in the papers' order; the order is the robot's own
+///     twist of ⟨f⟩ = J_f ẏ                   6 × n, [linear; angular] at the origin of ⟨f⟩, on ⟨0⟩
+///     twist of the base, on itself = B v     B constant, 6 × k: what the base can do
+///
+/// A task asks for the least of these concepts that it needs, and names no type of robot. A robot's
+/// `update` is not among them: what a state is differs from robot to robot.
 #pragma once
 
 #include <concepts>
+#include <limits>
+#include <string>
+#include <string_view>
+#include <vector>
 
+#include "icat/core/error.hpp"
+#include "icat/core/pose.hpp"
 #include "icat/core/types.hpp"
 
 namespace icat {
 
-/// A scalar type, the number of degrees of freedom at compile time (`size`, or `Eigen::Dynamic`)
-/// and at run time. Everything else is between a robot and the tasks that read it.
+/// A frame of a robot, looked up by name once, at configuration.
+class FrameId {
+ public:
+  /// For robots: the `index`-th of their frames.
+  constexpr explicit FrameId(Index index) noexcept : index_(index) {}
+  /// As given at construction.
+  constexpr Index index() const noexcept { return index_; }
+  /// The same frame of the same robot.
+  friend constexpr bool operator==(FrameId, FrameId) noexcept = default;
+
+ private:
+  Index index_;
+};
+
+/// Columns `first`, `first` + 1, … of ẏ.
+struct ColumnRange {
+  Index first{0};  ///< in [0, n)
+  Index count{0};  ///< how many
+};
+
+/// What a robot says of a joint.
+template <class Scalar>
+struct JointInfo {
+  std::string name;                           ///< unique
+  Index column;                               ///< of ẏ, where q̇ stands
+  Scalar lower{-infinity<Scalar>};            ///< rad or m
+  Scalar upper{infinity<Scalar>};             ///< rad or m
+  Scalar max_velocity{infinity<Scalar>};      ///< rad/s or m/s
+  Scalar max_acceleration{infinity<Scalar>};  ///< rad/s² or m/s²
+  bool continuous{false};                     ///< turns without end: q and q + 2π are the same
+};
+
+/// A scalar type and the number of degrees of freedom n, at compile time (`size`, or
+/// `Eigen::Dynamic`) and at run time.
 template <class R>
 concept Robot = requires(const R& robot) {
   typename R::Scalar;
+  requires std::floating_point<typename R::Scalar>;
   { R::size } -> std::convertible_to<int>;
   { robot.dof() } -> std::convertible_to<Index>;
 };
 
-/// A robot whose velocity is `[q̇; v]`, the last six components those of its vehicle.
+/// Frames: `frame` throws `std::invalid_argument` with the names there are; `pose` is ⟨f⟩ in ⟨0⟩;
+/// `jacobian` is 6 × n, at the origin of ⟨f⟩, components on ⟨0⟩. Both are of the last `update`, and
+/// neither throws nor allocates.
 template <class R>
-concept VehicleManipulator = Robot<R> && requires(const R& robot) {
-  { robot.arm_dof() } -> std::convertible_to<Index>;
+concept FramedRobot = Robot<R> && requires(const R& robot, FrameId frame, std::string_view name) {
+  { robot.frame(name) } -> std::same_as<FrameId>;
+  { robot.pose(frame) } -> std::convertible_to<Pose<typename R::Scalar>>;
+  {
+    robot.jacobian(frame)
+    } -> std::convertible_to<const Eigen::Matrix<typename R::Scalar, 6, R::size>&>;
 };
+
+/// Joints: `joints` is a range of what `JointInfo` holds; `position(i)` that of the i-th, rad or m.
+template <class R>
+concept JointedRobot = Robot<R> && requires(const R& robot, Index i, std::size_t k) {
+  { robot.joints().size() } -> std::convertible_to<std::size_t>;
+  { robot.joints()[k] } -> std::convertible_to<const JointInfo<typename R::Scalar>&>;
+  { robot.position(i) } -> std::convertible_to<typename R::Scalar>;
+};
+
+/// A base: its frame, its columns and B.
+template <class R>
+concept MobileRobot = FramedRobot<R> && requires(const R& robot, Index i) {
+  { robot.base() } -> std::same_as<FrameId>;
+  { robot.base_columns() } -> std::same_as<ColumnRange>;
+  { robot.base_motion()(i, i) } -> std::convertible_to<typename R::Scalar>;
+  { robot.base_motion().cols() } -> std::convertible_to<Index>;
+};
+
+/// Masses: the centre of mass in ⟨0⟩ (m) and its Jacobian, 3 × n.
+template <class R>
+concept MassiveRobot = Robot<R> && requires(const R& robot) {
+  { robot.center_of_mass() } -> std::convertible_to<Vector3<typename R::Scalar>>;
+  {
+    robot.center_of_mass_jacobian()
+    } -> std::convertible_to<const Eigen::Matrix<typename R::Scalar, 3, R::size>&>;
+};
+
+/// A set of columns of ẏ, in the order given. Configuration: allocates.
+class Columns {
+ public:
+  /// None.
+  Columns() = default;
+  /// These.
+  explicit Columns(std::vector<Index> indices) : indices_(std::move(indices)) {}
+  /// A block.
+  Columns(ColumnRange range) {  // NOLINT: a block is a set
+    for (Index i = 0; i < range.count; ++i) indices_.push_back(range.first + i);
+  }
+  /// How many.
+  Index size() const noexcept { return static_cast<Index>(indices_.size()); }
+  /// The i-th.
+  Index operator[](Index i) const noexcept { return indices_[static_cast<std::size_t>(i)]; }
+  /// For loops.
+  auto begin() const noexcept { return indices_.begin(); }
+  /// For loops.
+  auto end() const noexcept { return indices_.end(); }
+
+ private:
+  std::vector<Index> indices_;
+};
+
+namespace detail {
+
+/// "'a', 'b', 'c'", for messages.
+template <class Names>
+[[gnu::cold]] std::string listed(const Names& names) {
+  std::string text;
+  for (const auto& name : names) text.append(text.empty() ? "'" : ", '").append(name).append("'");
+  return text;
+}
+
+template <JointedRobot R>
+[[gnu::cold]] std::vector<std::string> joint_names(const R& robot) {
+  std::vector<std::string> names;
+  for (const auto& joint : robot.joints()) names.emplace_back(joint.name);
+  return names;
+}
+
+/// @throws std::invalid_argument on a column that is not the robot's, or one that stands twice.
+[[gnu::cold]] inline void check_columns(const std::string& owner, const Columns& columns,
+                                        Index dof) {
+  std::vector<bool> seen(static_cast<std::size_t>(dof), false);
+  for (const Index c : columns) {
+    if (c < 0 || c >= dof) {
+      invalid(owner, ": column ", c, " is not among the robot's ", dof);
+    }
+    if (seen[static_cast<std::size_t>(c)]) invalid(owner, ": column ", c, " stands twice");
+    seen[static_cast<std::size_t>(c)] = true;
+  }
+}
+
+}  // namespace detail
+
+/// Which of `robot.joints()` is called `name`. For configuration.
+/// @throws std::invalid_argument with the names there are.
+template <JointedRobot R>
+[[gnu::cold]] Index joint_index(const R& robot, std::string_view name) {
+  Index i = 0;
+  for (const auto& joint : robot.joints()) {
+    if (joint.name == name) return i;
+    ++i;
+  }
+  detail::invalid("no joint '", name, "'; there are ", detail::listed(detail::joint_names(robot)));
+}
+
+/// The indices of the joints called `names`, of all where there are none. For configuration.
+/// @throws std::invalid_argument with the names there are.
+template <JointedRobot R>
+[[gnu::cold]] std::vector<Index> joint_indices(const R& robot,
+                                               const std::vector<std::string>& names) {
+  std::vector<Index> indices;
+  for (const auto& name : names) indices.push_back(joint_index(robot, name));
+  if (names.empty()) {
+    for (std::size_t i = 0; i < robot.joints().size(); ++i) {
+      indices.push_back(static_cast<Index>(i));
+    }
+  }
+  return indices;
+}
+
+/// The columns of the joints called `names`, of all joints where there are none. For configuration.
+/// @throws std::invalid_argument with the names there are.
+template <JointedRobot R>
+[[gnu::cold]] Columns joint_columns(const R& robot, const std::vector<std::string>& names = {}) {
+  std::vector<Index> columns;
+  for (const Index i : joint_indices(robot, names)) {
+    columns.push_back(robot.joints()[static_cast<std::size_t>(i)].column);
+  }
+  return Columns(std::move(columns));
+}
 
 }  // namespace icat

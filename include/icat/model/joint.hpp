@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// Descriptions of a tree of links and joints: joint by joint, by Denavit–Hartenberg rows, or by
+/// the axes at q = 0 as the papers do.
+///
+///     ⟨link⟩ in ⟨parent⟩ = origin · motion(q) · link
+///     motion(q) = Rot(axis, q) or Trans(q axis)
+///
+/// Denavit–Hartenberg, θ or d the variable:
+///
+///     standard:          Rot(z, θ) Trans(z, d) Trans(x, a) Rot(x, α)
+///     modified (Craig):  Rot(x, α) Trans(x, a) Rot(z, θ) Trans(z, d)
+#pragma once
+
+#include <array>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "icat/core/error.hpp"
+#include "icat/math/rigid_motion.hpp"
+
+namespace icat {
+
+/// Fixed; turning within limits; turning without end; sliding.
+enum class JointType { fixed, revolute, continuous, prismatic };
+
+/// The joint follows another: position = multiplier · (position of `joint`) + offset.
+template <class Scalar>
+struct Mimic {
+  std::string joint;     ///< that it follows
+  Scalar multiplier{1};  ///< 1, or rad/m, m/rad
+  Scalar offset{0};      ///< rad or m
+};
+
+/// A joint and the link that it moves. Positions in rad or m.
+template <class Scalar>
+struct Joint {
+  std::string name;                                       ///< unique
+  std::string parent;                                     ///< link that carries it
+  std::string link;                                       ///< link that it moves; unique
+  JointType type{JointType::revolute};                    ///< kind of joint
+  Pose<Scalar> origin = IdentityPose{};                   ///< of its frame, in the parent's
+  Vector3<Scalar> axis{Scalar(0), Scalar(0), Scalar(1)};  ///< unit length, on its frame
+  Pose<Scalar> link_pose = IdentityPose{};                ///< of the link in the moved frame
+  Scalar lower{-infinity<Scalar>};                        ///< none by default
+  Scalar upper{infinity<Scalar>};                         ///< none by default
+  Scalar max_velocity{infinity<Scalar>};                  ///< per s
+  Scalar max_acceleration{infinity<Scalar>};              ///< per s²
+  std::optional<Mimic<Scalar>> mimic{};                   ///< then it is no degree of freedom
+};
+
+/// Mass of a link.
+template <class Scalar>
+struct LinkMass {
+  std::string link;        ///< its name
+  Scalar mass;             ///< kg, ≥ 0
+  Vector3<Scalar> center;  ///< centre of mass on the link, m
+};
+
+/// Which order the four factors have, see the file comment.
+enum class DhConvention { standard, modified };
+
+/// A row of a Denavit–Hartenberg table.
+template <class Scalar>
+struct DhRow {
+  Scalar a;                             ///< m; of the link before in the modified convention
+  Scalar alpha;                         ///< rad; likewise
+  Scalar d;                             ///< m, at q = 0 for a prismatic joint
+  Scalar theta;                         ///< rad, at q = 0 for a revolute one
+  JointType type{JointType::revolute};  ///< kind of joint
+  Scalar lower{-infinity<Scalar>};      ///< rad or m
+  Scalar upper{infinity<Scalar>};       ///< rad or m
+};
+
+/// Joints "joint1", …, links "link1", …, on `root`. Allocates.
+template <class Scalar>
+[[gnu::cold]] std::vector<Joint<Scalar>> dh_chain(const std::vector<DhRow<Scalar>>& rows,
+                                                  DhConvention convention,
+                                                  const std::string& root = "base") {
+  const Vector3<Scalar> x(Scalar(1), Scalar(0), Scalar(0)), z(Scalar(0), Scalar(0), Scalar(1));
+  const Vector3<Scalar> none(Scalar(0), Scalar(0), Scalar(0));
+  std::vector<Joint<Scalar>> joints;
+  std::string parent = root;
+  for (const DhRow<Scalar>& row : rows) {
+    const std::string number = std::to_string(joints.size() + 1);
+    const Pose<Scalar> along_z =
+        detail::make_pose(axis_rotation<Scalar>(z, row.theta), detail::scaled<Scalar>(z, row.d));
+    const Pose<Scalar> along_x =
+        detail::make_pose(axis_rotation<Scalar>(x, row.alpha), detail::scaled<Scalar>(x, row.a));
+    Joint<Scalar> joint{"joint" + number, parent, "link" + number, row.type};
+    if (convention == DhConvention::standard) {
+      joint.link_pose = detail::compose(along_z, along_x);
+    } else {
+      joint.origin = detail::compose(along_x, along_z);
+    }
+    joint.lower = row.lower;
+    joint.upper = row.upper;
+    parent = joint.link;
+    joints.push_back(std::move(joint));
+  }
+  return joints;
+}
+
+/// A joint of a chain by its axis at q = 0, components on the chain's base.
+template <class Scalar>
+struct JointAxis {
+  JointType type{JointType::revolute};                     ///< kind of joint
+  Vector3<Scalar> axis{Scalar(0), Scalar(0), Scalar(1)};   ///< unit length
+  Vector3<Scalar> point{Scalar(0), Scalar(0), Scalar(0)};  ///< any point on the axis, m
+  Scalar lower{-infinity<Scalar>};                         ///< rad or m
+  Scalar upper{infinity<Scalar>};                          ///< rad or m
+};
+
+/// A chain of `Dof` joints by their axes at q = 0 and the end-effector's pose there.
+template <class Scalar, int Dof>
+struct SerialArm {
+  std::array<JointAxis<Scalar>, static_cast<std::size_t>(Dof)> joints;  ///< from base to tip
+  Pose<Scalar> end_effector = IdentityPose{};  ///< ⟨e⟩ in the base at q = 0
+};
+
+/// Joints "joint1", …, links "link1", … on `root`. At q = 0 every link's frame is parallel to the
+/// root's, its origin the point of its joint. The last one is "end_effector", fixed. Allocates.
+template <class Scalar, int Dof>
+[[gnu::cold]] std::vector<Joint<Scalar>> axes_chain(const SerialArm<Scalar, Dof>& arm,
+                                                    const std::string& root = "base") {
+  const Matrix3<Scalar> parallel = detail::identity<Matrix3<Scalar>>(3);
+  std::vector<Joint<Scalar>> joints;
+  Vector3<Scalar> before(Scalar(0), Scalar(0), Scalar(0));
+  std::string parent = root;
+  for (const JointAxis<Scalar>& at : arm.joints) {
+    const std::string number = std::to_string(joints.size() + 1);
+    Joint<Scalar> joint{"joint" + number, parent, "link" + number, at.type};
+    joint.origin = detail::make_pose(parallel, detail::minus(at.point, before));
+    joint.axis = at.axis;
+    joint.lower = at.lower;
+    joint.upper = at.upper;
+    before = at.point;
+    parent = joint.link;
+    joints.push_back(std::move(joint));
+  }
+  Joint<Scalar> tip{"end_effector", parent, "end_effector", JointType::fixed};
+  tip.origin = detail::make_pose(detail::rotation(arm.end_effector),
+                                 detail::minus(detail::origin(arm.end_effector), before));
+  joints.push_back(std::move(tip));
+  return joints;
+}
+
+}  // namespace icat

@@ -1,0 +1,487 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// Kinematics of a tree of links and joints on a base, any branching.
+///
+///     ẏ = [q̇; v]: a column for each joint that is neither fixed nor a mimic, in the order of the
+///     description (a joint after those that carry it), then the base's
+///     J_f = [ z_j × (p_f − p_j) ; z_j ] revolute,  [ z_j ; 0 ] prismatic,
+///           [ I −[p_f − p_b]× ; 0 I ] diag(R_b, R_b) B   for the base
+///
+/// Links that do not move against each other are one body; a mimic adds its multiplier times its
+/// column to that of the joint it follows. Poses are computed by `update`; a frame's Jacobian and
+/// what else is asked for when it is asked for, and kept until the next `update`, so one robot is
+/// not for two threads at once.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+#include "icat/core/status.hpp"
+#include "icat/model/base.hpp"
+#include "icat/model/joint.hpp"
+#include "icat/model/robot.hpp"
+
+namespace icat {
+
+/// A robot of `N` columns, or `Eigen::Dynamic`: as many as the description has. Construction and
+/// `add_frame` allocate and throw; nothing else does.
+template <class ScalarType, int N = Eigen::Dynamic>
+class KinematicTree {
+ public:
+  /// Scalar type.
+  using Scalar = ScalarType;
+  /// Columns at compile time.
+  static constexpr int size = N;
+  /// Of a frame, 6 × n.
+  using Jacobian = Eigen::Matrix<Scalar, 6, N>;
+  /// Of a point, 3 × n.
+  using PointJacobian = Eigen::Matrix<Scalar, 3, N>;
+  /// One entry for each of `joints`; the memory is the tree's, see `q`.
+  using Positions = Vector<Scalar, Eigen::Dynamic>;
+
+  /// What the robot is made of.
+  struct Description {
+    std::vector<Joint<Scalar>> joints;  ///< in any order
+    Base<Scalar> base{};                ///< fixed by default: what the root can do
+    std::vector<LinkMass<Scalar>> masses =
+        std::initializer_list<LinkMass<Scalar>>{};  ///< of some links, or none
+    std::string root = "";  ///< name of the root link; needed only where there are no joints
+  };
+
+  /// Starts at q = 0 with the root on ⟨0⟩.
+  /// @throws std::invalid_argument on what is no tree, with the names of the links and joints at
+  ///         fault; names that stand twice; axes not of length 1; limits out of order; poses that
+  ///         are none; another number of columns than `N`.
+  [[gnu::cold]] explicit KinematicTree(const Description& description)
+      : base_motion_(description.base.motion()) {
+    build(description);
+    const Index n = joint_count() + base_motion_.cols();
+    if (N != Eigen::Dynamic && n != N) {
+      detail::invalid("KinematicTree: ", N, " columns at compile time, but ", joint_count(),
+                      " joints and ", base_motion_.cols(), " columns of the base");
+    }
+    if (n == 0) detail::invalid("KinematicTree: nothing can move");
+    dof_ = n;
+    q_ = detail::zeros<Positions>(joint_count());
+    for (Frame& frame : frames_) frame.jacobian = detail::zeros<Jacobian>(6, n);
+    center_jacobian_ = detail::zeros<PointJacobian>(3, n);
+    compute();
+  }
+
+  /// n.
+  Index dof() const noexcept { return dof_; }
+
+  // --- frames
+
+  /// The frame of a link, or one that was added.
+  /// @throws std::invalid_argument with the names there are.
+  [[gnu::cold]] FrameId frame(std::string_view name) const {
+    for (std::size_t i = 0; i < frames_.size(); ++i) {
+      if (frames_[i].name == name) return FrameId(static_cast<Index>(i));
+    }
+    std::vector<std::string> names;
+    for (const Frame& f : frames_) names.push_back(f.name);
+    detail::invalid("no frame '", name, "'; there are ", detail::listed(names));
+  }
+  /// Number of frames: the links in the order of the description, the root first, and those added.
+  Index frame_count() const noexcept { return static_cast<Index>(frames_.size()); }
+  /// As given.
+  const std::string& frame_name(FrameId frame) const noexcept { return at(frame).name; }
+  /// A frame with the pose `pose` in the frame `parent`, on whose link it sits.
+  /// @throws std::invalid_argument on a name that there is, or a pose that is none. Allocates.
+  [[gnu::cold]] FrameId add_frame(std::string name, FrameId parent, const Pose<Scalar>& pose) {
+    for (const Frame& f : frames_) {
+      if (f.name == name) detail::invalid("KinematicTree: there is a frame '", name, "' already");
+    }
+    if (!is_rigid(pose)) {
+      detail::invalid("KinematicTree: the pose of frame '", name,
+                      "' is not finite or not a rotation");
+    }
+    const Index body = at(parent).body;
+    Pose<Scalar> in_body = detail::compose(at(parent).pose, pose);
+    frames_.push_back({std::move(name), body, in_body, detail::zeros<Jacobian>(6, dof_), 0});
+    return FrameId(frame_count() - 1);
+  }
+  /// Moves a frame to the pose `pose` in the frame `parent`, on whose link it sits from now on: a
+  /// tool that became another, or the frame of an object that was just grasped. A pose that is not
+  /// finite or no rotation is refused. No allocation.
+  Status set_frame(FrameId frame, FrameId parent, const Pose<Scalar>& pose) noexcept {
+    if (!detail::all_finite(pose.matrix())) return Status::non_finite;
+    if (!is_rigid(pose)) return Status::not_a_rotation;
+    const Pose<Scalar> in_body = detail::compose(at(parent).pose, pose);
+    Frame& moved = frames_[static_cast<std::size_t>(frame.index())];
+    moved.body = at(parent).body;
+    moved.pose = in_body;
+    moved.stamp = 0;
+    return Status::ok;
+  }
+  /// ⟨f⟩ in ⟨0⟩. No allocation.
+  Pose<Scalar> pose(FrameId frame) const noexcept {
+    const Frame& f = at(frame);
+    return detail::compose(bodies_[static_cast<std::size_t>(f.body)].pose, f.pose);
+  }
+  /// 6 × n, rows linear then angular, velocity of ⟨f⟩ with respect to ⟨0⟩ at the origin of ⟨f⟩,
+  /// components on ⟨0⟩. No allocation.
+  const Jacobian& jacobian(FrameId frame) const noexcept {
+    const Frame& f = at(frame);
+    if (f.stamp != stamp_) {
+      fill_jacobian(f.body, detail::transform(body(f.body).pose, detail::origin(f.pose)),
+                    f.jacobian);
+      f.stamp = stamp_;
+    }
+    return f.jacobian;
+  }
+
+  // --- joints
+
+  /// Those that are neither fixed nor mimics; joint i stands in column i of ẏ.
+  const std::vector<JointInfo<Scalar>>& joints() const noexcept { return joints_; }
+  /// Of joint `i` of `joints`, rad or m.
+  Scalar position(Index i) const noexcept { return q_(i); }
+  /// Positions of all of `joints`, rad or m.
+  const Positions& q() const noexcept { return q_; }
+  /// Unit vector along the axis of joint `i`, on ⟨0⟩.
+  const Vector3<Scalar>& axis(Index i) const noexcept { return driven(i).axis; }
+  /// A point on the axis of joint `i`, in ⟨0⟩.
+  const Vector3<Scalar>& axis_point(Index i) const noexcept { return driven(i).point; }
+
+  // --- base
+
+  /// The root link's frame.
+  FrameId base() const noexcept { return FrameId(0); }
+  /// The last ones.
+  ColumnRange base_columns() const noexcept { return {joint_count(), base_motion_.cols()}; }
+  /// B, see robot.hpp.
+  const typename Base<Scalar>::Motion& base_motion() const noexcept { return base_motion_; }
+
+  // --- state
+
+  /// New positions of `joints`, the base where it was. `q` may be any Eigen vector. NaN, infinity
+  /// or a wrong size: refused, the state stays. No allocation.
+  template <class Q>
+  Status update(const Eigen::MatrixBase<Q>& q) noexcept {
+    return update(q, bodies_[0].pose);
+  }
+  /// New positions and pose of the base in ⟨0⟩; a pose that is no rotation is refused too.
+  template <class Q>
+  Status update(const Eigen::MatrixBase<Q>& q, const Pose<Scalar>& base) noexcept {
+    if (q.size() != joint_count()) return Status::wrong_size;
+    Scalar sum(0);
+    for (Index i = 0; i < joint_count(); ++i) sum += Scalar(0) * q(i);
+    if (!(sum == Scalar(0)) || !detail::all_finite(base.matrix())) return Status::non_finite;
+    if (!is_rigid(base)) return Status::not_a_rotation;
+    for (Index i = 0; i < joint_count(); ++i) q_(i) = q(i);
+    bodies_[0].pose = base;
+    compute();
+    return Status::ok;
+  }
+
+  // --- masses
+
+  /// Of all links, kg; 0 where no masses were given.
+  Scalar mass() const noexcept { return mass_; }
+  /// In ⟨0⟩, m; the root's origin where no masses were given. No allocation.
+  Vector3<Scalar> center_of_mass() const noexcept {
+    compute_center();
+    return center_;
+  }
+  /// 3 × n, components on ⟨0⟩. No allocation.
+  const PointJacobian& center_of_mass_jacobian() const noexcept {
+    compute_center();
+    return center_jacobian_;
+  }
+
+ private:
+  // Links that do not move against each other, and the joint that moves them.
+  struct Body {
+    Index parent{-1};
+    bool turns{true};
+    Pose<Scalar> origin;         // of the joint's frame in the parent body
+    Vector3<Scalar> local_axis;  // on the joint's frame
+    Index column{-1};            // −1: the root
+    Scalar multiplier{1}, offset{0};
+    Scalar mass{0};
+    Vector3<Scalar> mass_center;  // mass × centre of mass, on the body
+    Pose<Scalar> pose;            // in ⟨0⟩, as the next two
+    Vector3<Scalar> axis, point;
+  };
+  struct Frame {
+    std::string name;
+    Index body;
+    Pose<Scalar> pose;  // in the body
+    mutable Jacobian jacobian;
+    mutable unsigned stamp{0};
+  };
+
+  const Frame& at(FrameId frame) const noexcept {
+    return frames_[static_cast<std::size_t>(frame.index())];
+  }
+  const Body& body(Index i) const noexcept { return bodies_[static_cast<std::size_t>(i)]; }
+  const Body& driven(Index joint) const noexcept {
+    return body(joint_body_[static_cast<std::size_t>(joint)]);
+  }
+  Index joint_count() const noexcept { return static_cast<Index>(joints_.size()); }
+
+  void compute() noexcept {
+    for (std::size_t i = 1; i < bodies_.size(); ++i) {
+      Body& b = bodies_[i];
+      const Pose<Scalar>& parent = body(b.parent).pose;
+      const Matrix3<Scalar> R = detail::times(detail::rotation(parent), detail::rotation(b.origin));
+      b.point = detail::transform(parent, detail::origin(b.origin));
+      b.axis = detail::times(R, b.local_axis);
+      const Scalar position = b.multiplier * q_(b.column) + b.offset;
+      if (b.turns) {
+        b.pose = detail::make_pose(detail::times(R, axis_rotation<Scalar>(b.local_axis, position)),
+                                   b.point);
+      } else {
+        b.pose = detail::make_pose(R, detail::plus(b.point, position, b.axis));
+      }
+    }
+    // 0 is "never computed".
+    if (++stamp_ == 0) {
+      for (Frame& f : frames_) f.stamp = 0;
+      stamp_ = 1;
+    }
+    center_known_ = false;
+  }
+
+  // What the point `p` of body `i` does, [linear; angular], on ⟨0⟩.
+  void fill_jacobian(Index i, const Vector3<Scalar>& p, Jacobian& J) const noexcept {
+    for (Index c = 0; c < joint_count(); ++c) {
+      for (Index row = 0; row < 6; ++row) J(row, c) = Scalar(0);
+    }
+    for (; i > 0; i = body(i).parent) {
+      const Body& b = body(i);
+      const Vector3<Scalar> linear =
+          b.turns ? detail::cross(b.axis, detail::minus(p, b.point)) : b.axis;
+      for (Index row = 0; row < 3; ++row) {
+        J(row, b.column) += b.multiplier * linear(row);
+        if (b.turns) J(3 + row, b.column) += b.multiplier * b.axis(row);
+      }
+    }
+    const Matrix3<Scalar> R = detail::rotation(bodies_[0].pose);
+    const Vector3<Scalar> r = detail::minus(p, detail::origin(bodies_[0].pose));
+    for (Index j = 0; j < base_motion_.cols(); ++j) {
+      const Vector3<Scalar> angular = detail::times(R, detail::column3(base_motion_, 3, j));
+      detail::set_column3(J, 0, joint_count() + j,
+                          detail::plus(detail::times(R, detail::column3(base_motion_, 0, j)),
+                                       detail::cross(angular, r)));
+      detail::set_column3(J, 3, joint_count() + j, angular);
+    }
+  }
+
+  void compute_center() const noexcept {
+    if (center_known_) return;
+    center_known_ = true;
+    detail::fill(center_jacobian_, Scalar(0));
+    center_ = detail::origin(bodies_[0].pose);
+    if (!(mass_ > Scalar(0))) return;
+    // From the tips inwards: mass and mass × centre of all that a joint carries.
+    for (std::size_t i = 0; i < bodies_.size(); ++i) {
+      const Body& b = bodies_[i];
+      carried_[i].mass = b.mass;
+      carried_[i].center = detail::plus(detail::times(detail::rotation(b.pose), b.mass_center),
+                                        b.mass, detail::origin(b.pose));
+    }
+    for (std::size_t i = bodies_.size(); i-- > 1;) {
+      const Body& b = bodies_[i];
+      const Carried& c = carried_[i];
+      const Vector3<Scalar> linear =
+          b.turns ? detail::cross(b.axis, detail::plus(c.center, -c.mass, b.point))
+                  : detail::scaled(b.axis, c.mass);
+      for (Index row = 0; row < 3; ++row) {
+        center_jacobian_(row, b.column) += b.multiplier * linear(row) / mass_;
+      }
+      Carried& parent = carried_[static_cast<std::size_t>(b.parent)];
+      parent.mass += c.mass;
+      parent.center = detail::plus(parent.center, c.center);
+    }
+    center_ = detail::scaled(carried_[0].center, Scalar(1) / mass_);
+    const Matrix3<Scalar> R = detail::rotation(bodies_[0].pose);
+    const Vector3<Scalar> r = detail::minus(center_, detail::origin(bodies_[0].pose));
+    for (Index j = 0; j < base_motion_.cols(); ++j) {
+      const Vector3<Scalar> angular = detail::times(R, detail::column3(base_motion_, 3, j));
+      detail::set_column3(center_jacobian_, 0, joint_count() + j,
+                          detail::plus(detail::times(R, detail::column3(base_motion_, 0, j)),
+                                       detail::cross(angular, r)));
+    }
+  }
+
+  [[gnu::cold]] static void check(const Joint<Scalar>& joint) {
+    const auto fault = [&](const char* what) {
+      detail::invalid("KinematicTree: joint '", joint.name, "': ", what);
+    };
+    if (!is_rigid(joint.origin)) fault("its origin is not finite or not a rotation");
+    if (!is_rigid(joint.link_pose)) fault("its link's pose is not finite or not a rotation");
+    if (joint.type == JointType::fixed) return;
+    // Four digits: what a data sheet gives. It is normalized later.
+    const Scalar length = detail::norm(joint.axis);
+    if (!(std::abs(length - Scalar(1)) < Scalar(1e-4))) {
+      detail::invalid("KinematicTree: joint '", joint.name, "': its axis must have length 1, got ",
+                      length);
+    }
+    if (!(joint.lower < joint.upper) && joint.type != JointType::continuous && !joint.mimic) {
+      detail::invalid("KinematicTree: joint '", joint.name, "': limits must be in order, got [",
+                      joint.lower, ", ", joint.upper, "]");
+    }
+    if (!(joint.max_velocity > Scalar(0)) || !(joint.max_acceleration > Scalar(0))) {
+      fault("limits of velocity and acceleration must be > 0");
+    }
+  }
+
+  // The root's name: the one link that nothing moves.
+  [[gnu::cold]] static std::string find_root(const Description& description) {
+    std::string root = description.root;
+    std::vector<std::string> links;
+    for (const auto& joint : description.joints) {
+      if (std::find(links.begin(), links.end(), joint.link) != links.end()) {
+        detail::invalid("KinematicTree: link '", joint.link, "' has two parents");
+      }
+      links.push_back(joint.link);
+    }
+    for (const auto& joint : description.joints) {
+      if (std::find(links.begin(), links.end(), joint.parent) != links.end()) continue;
+      if (!root.empty() && root != joint.parent) {
+        detail::invalid("KinematicTree: '", root, "' and '", joint.parent,
+                        "' are both roots, or one of them is misspelt");
+      }
+      root = joint.parent;
+    }
+    if (root.empty()) detail::invalid("KinematicTree: no link is the root: the joints form a loop");
+    if (std::find(links.begin(), links.end(), root) != links.end()) {
+      detail::invalid("KinematicTree: the root '", root, "' is moved by a joint");
+    }
+    return root;
+  }
+
+  [[gnu::cold]] void build(const Description& description) {
+    bodies_.emplace_back();
+    bodies_[0].pose = detail::identity_pose<Scalar>();
+    bodies_[0].mass_center = Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0));
+    frames_.push_back({find_root(description), 0, detail::identity_pose<Scalar>(), {}, 0});
+    const auto& all = description.joints;
+    std::vector<bool> placed(all.size(), false);
+    std::vector<Index> moved(all.size(), -1);  // body of each joint
+    for (std::size_t count = 0; count < all.size();) {
+      const std::size_t before = count;
+      for (std::size_t i = 0; i < all.size(); ++i) {
+        if (placed[i]) continue;
+        const Frame* parent = nullptr;
+        for (const Frame& f : frames_) {
+          if (f.name == all[i].parent) parent = &f;
+        }
+        if (!parent) continue;
+        moved[i] = place(all[i], *parent);
+        placed[i] = true;
+        ++count;
+      }
+      if (count > before) continue;
+      std::vector<std::string> rest;
+      for (std::size_t i = 0; i < all.size(); ++i) {
+        if (!placed[i]) rest.push_back(all[i].name);
+      }
+      detail::invalid("KinematicTree: not joined to the root '", frames_[0].name, "': the joints ",
+                      detail::listed(rest));
+    }
+    follow(all, moved);
+    for (const auto& m : description.masses) add_mass(m);
+    carried_.resize(bodies_.size());
+  }
+
+  // A body and a frame for `joint`, which sits on the link of `parent`.
+  [[gnu::cold]] Index place(const Joint<Scalar>& joint, const Frame& parent) {
+    check(joint);
+    const Pose<Scalar> origin = detail::compose(parent.pose, joint.origin);
+    if (joint.type == JointType::fixed) {
+      const Index body = parent.body;
+      frames_.push_back({joint.link, body, detail::compose(origin, joint.link_pose), {}, 0});
+      return body;
+    }
+    Body b;
+    b.parent = parent.body;
+    b.turns = joint.type != JointType::prismatic;
+    b.origin = origin;
+    b.local_axis = detail::scaled(joint.axis, Scalar(1) / detail::norm(joint.axis));
+    b.mass_center = Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0));
+    const Index index = static_cast<Index>(bodies_.size());
+    if (!joint.mimic) {
+      for (const auto& other : joints_) {
+        if (other.name == joint.name) {
+          detail::invalid("KinematicTree: two joints are called '", joint.name, "'");
+        }
+      }
+      b.column = joint_count();
+      const bool endless = joint.type == JointType::continuous;
+      constexpr Scalar infinity = std::numeric_limits<Scalar>::infinity();
+      joints_.push_back({joint.name, b.column, endless ? -infinity : joint.lower,
+                         endless ? infinity : joint.upper, joint.max_velocity,
+                         joint.max_acceleration, endless});
+      joint_body_.push_back(index);
+    }
+    bodies_.push_back(b);
+    frames_.push_back({joint.link, index, joint.link_pose, {}, 0});
+    return index;
+  }
+
+  // Column, multiplier and offset of the mimics; one may follow another.
+  [[gnu::cold]] void follow(const std::vector<Joint<Scalar>>& all,
+                            const std::vector<Index>& moved) {
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      if (!all[i].mimic || all[i].type == JointType::fixed) continue;
+      Scalar multiplier(1), offset(0);
+      std::size_t leader = i;
+      for (std::size_t steps = 0; all[leader].mimic; ++steps) {
+        const Mimic<Scalar>& mimic = *all[leader].mimic;
+        offset += multiplier * mimic.offset;
+        multiplier *= mimic.multiplier;
+        std::size_t next = 0;
+        while (next < all.size() && all[next].name != mimic.joint) ++next;
+        if (next == all.size() || all[next].type == JointType::fixed || steps > all.size()) {
+          detail::invalid("KinematicTree: joint '", all[i].name, "' follows '", mimic.joint,
+                          "', which does not move");
+        }
+        leader = next;
+      }
+      Body& b = bodies_[static_cast<std::size_t>(moved[i])];
+      b.column = body(moved[leader]).column;
+      b.multiplier = multiplier;
+      b.offset = offset;
+      if (!std::isfinite(multiplier) || !std::isfinite(offset)) {
+        detail::invalid("KinematicTree: joint '", all[i].name, "': its mimic is not finite");
+      }
+    }
+  }
+
+  [[gnu::cold]] void add_mass(const LinkMass<Scalar>& m) {
+    if (!(m.mass >= Scalar(0)) || !detail::all_finite(m.center) || !std::isfinite(m.mass)) {
+      detail::invalid("KinematicTree: the mass of link '", m.link, "' must be finite and >= 0");
+    }
+    const Frame& link = at(frame(m.link));
+    Body& b = bodies_[static_cast<std::size_t>(link.body)];
+    b.mass += m.mass;
+    b.mass_center = detail::plus(b.mass_center, m.mass, detail::transform(link.pose, m.center));
+    mass_ += m.mass;
+  }
+
+  struct Carried {
+    Scalar mass;
+    Vector3<Scalar> center;
+  };
+
+  Index dof_{0};
+  typename Base<Scalar>::Motion base_motion_;
+  std::vector<Body> bodies_;  // a body after its parent
+  std::vector<Frame> frames_;
+  std::vector<JointInfo<Scalar>> joints_;
+  std::vector<Index> joint_body_;
+  Positions q_;
+  unsigned stamp_{0};
+  Scalar mass_{0};
+  mutable std::vector<Carried> carried_;
+  mutable bool center_known_{false};
+  mutable Vector3<Scalar> center_;
+  mutable PointJacobian center_jacobian_;
+};
+
+}  // namespace icat
