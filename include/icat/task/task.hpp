@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "icat/core/status.hpp"
+#include "icat/math/spatial_algebra.hpp"
 #include "icat/model/robot.hpp"
 #include "icat/task/objective.hpp"
 
