@@ -18,7 +18,7 @@
 
 namespace table3 {
 
-using Robot = icat::Uvms<double, 7>;
+using Robot = icat::KinematicTree<double, 13>;
 using Plant = icat::GraspedObjectPlant<double, 7>;
 using Pose = icat::Pose<double>;
 using Vector3 = icat::Vector3<double>;

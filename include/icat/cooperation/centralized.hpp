@@ -4,7 +4,7 @@
 ///
 ///     ẏ = [ẏ_1; …; ẏ_N],   G = [J_1 −J_2 ; J_2 −J_3 ; …],   G ẏ = 0     [Coop, Eq. (27)]
 ///
-/// with J_i of the shared frame, components on ⟨0⟩ (the same kernel as on ⟨t⟩),
+/// with J_i of the shared frame, components on itself,
 ///
 ///     Q₀ = I − a Gᵀ (G Gᵀ)⁻¹ G
 ///
@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "icat/action/level_stack.hpp"
+#include "icat/math/spatial_algebra.hpp"
 #include "icat/tpik/tpik.hpp"
 
 namespace icat {
@@ -165,11 +166,14 @@ class CentralizedController {
     Index column = 0;
     for (std::size_t i = 0; i < parts_.size(); ++i) {
       const auto& J = robot(i).jacobian(tools_[i]);
+      const Matrix3<Scalar> R_t = detail::rotation(Pose<Scalar>(robot(i).pose(tools_[i])));
       const Index row = 6 * static_cast<Index>(i);
       for (Index c = 0; c < J.cols(); ++c) {
-        for (Index r = 0; r < 6; ++r) {
-          if (i + 1 < parts_.size()) G_(row + r, column + c) = J(r, c);
-          if (i > 0) G_(row - 6 + r, column + c) = -J(r, c);
+        for (Index part = 0; part < 6; part += 3) {
+          const Vector3<Scalar> x = detail::transposed_times(R_t, detail::column3(J, part, c));
+          if (i + 1 < parts_.size()) detail::set_column3(G_, row + part, column + c, x);
+          if (i == 0) continue;
+          detail::set_column3(G_, row - 6 + part, column + c, detail::scaled(x, Scalar(-1)));
         }
       }
       column += J.cols();
