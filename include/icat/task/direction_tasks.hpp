@@ -207,12 +207,14 @@ class Attitude : public detail::DirectionTask<R> {
                                  options.gain, options.max_rate),
         world_axis_(this->unit("world_axis", options.world_axis)) {}
 
-  /// Another axis of ⟨0⟩, of length 1; refused otherwise.
-  Status set_world_axis(const Vector3<Scalar>& axis) noexcept {
-    if (!detail::all_finite(axis)) return Status::non_finite;
+  /// Another axis of ⟨0⟩, of length 1, and its derivative (1/s); refused otherwise.
+  Status set_world_axis(const Vector3<Scalar>& axis,
+                        const Vector3<Scalar>& rate = detail::zeros<Vector3<Scalar>>(3)) noexcept {
+    if (!detail::all_finite(axis) || !detail::all_finite(rate)) return Status::non_finite;
     const Scalar length = detail::norm(axis);
     if (!(std::abs(length - Scalar(1)) < Scalar(1e-4))) return Status::out_of_range;
     world_axis_ = detail::scaled(axis, Scalar(1) / length);
+    rate_ = rate;
     return Status::ok;
   }
 
@@ -220,17 +222,18 @@ class Attitude : public detail::DirectionTask<R> {
   void compute() noexcept override {
     this->measure(world_axis_);
     const auto& J = this->robot().jacobian(this->frame());
+    Scalar feed_forward[2] = {Scalar(0), Scalar(0)};
     for (Index row = 0; row < this->rows(); ++row) {
+      feed_forward[row] = -detail::dot(this->gradient(row), rate_);
       const Vector3<Scalar> g = detail::cross(this->gradient(row), world_axis_);  // g·(d×ω)
       for (Index j = 0; j < J.cols(); ++j) {
         this->jacobian_(row, j) = detail::dot(g, detail::column3(J, 3, j));
       }
     }
-    const Scalar none[2] = {Scalar(0), Scalar(0)};
-    this->finish(none, Scalar(1));
+    this->finish(feed_forward, Scalar(1));
   }
 
-  Vector3<Scalar> world_axis_;
+  Vector3<Scalar> world_axis_, rate_{Scalar(0), Scalar(0), Scalar(0)};
 };
 
 /// A camera turned to its target, camera centering [Coop, Eq. (12)]: the target on an axis of the
