@@ -39,7 +39,7 @@ icat::KinematicTree<double> make_robot() {
 
 Vector3 loop(double t) {
   const double a = 2 * std::numbers::pi * t / 20;
-  return {0.55 + 0.1 * (std::cos(a) - 1), 0.45 * std::sin(a), 1.08 + 0.18 * std::sin(2 * a)};
+  return {0.55 + 0.04 * (std::cos(a) - 1), 0.45 * std::sin(a), 1.08 + 0.2 * std::sin(2 * a)};
 }
 
 int main(int argc, char** argv) {
