@@ -13,7 +13,7 @@
 namespace testing_support {
 
 template <class Scalar>
-using Robot = icat::Uvms<Scalar, 7>;
+using Robot = icat::KinematicTree<Scalar, 13>;
 
 template <class Scalar>
 struct State {
@@ -35,10 +35,10 @@ icat::Pose<Scalar> make_pose(double x, double y, double z, double roll, double p
 
 template <class Scalar>
 Robot<Scalar> make_robot() {
-  return Robot<Scalar>({.arm = icat::maris_arm<Scalar>(),
-                        .arm_mount = make_pose<Scalar>(0.2, -0.1, 0.43, 0.3, -0.4, 2.0),
-                        .camera = make_pose<Scalar>(0.5, 0.1, 0.2, -0.2, 0.7, 0.4),
-                        .tool = make_pose<Scalar>(0.03, -0.02, 0.15, 0.5, 0.1, -1.0)});
+  return icat::uvms<Scalar, 7>(icat::maris_arm<Scalar>(),
+                               {.arm = make_pose<Scalar>(0.2, -0.1, 0.43, 0.3, -0.4, 2.0),
+                                .camera = make_pose<Scalar>(0.5, 0.1, 0.2, -0.2, 0.7, 0.4),
+                                .tool = make_pose<Scalar>(0.03, -0.02, 0.15, 0.5, 0.1, -1.0)});
 }
 
 template <class Scalar>
@@ -50,8 +50,9 @@ std::vector<State<Scalar>> random_states(int count, unsigned seed) {
   for (int i = 0; i < count; ++i) {
     State<Scalar> s{"random " + std::to_string(i), {}, {}};
     for (int j = 0; j < 7; ++j) {
-      const Scalar middle = (arm.lower_limits()(j) + arm.upper_limits()(j)) / 2;
-      const Scalar half = (arm.upper_limits()(j) - arm.lower_limits()(j)) / 2;
+      const auto& joint = arm.joints[static_cast<std::size_t>(j)];
+      const Scalar middle = (joint.lower + joint.upper) / 2;
+      const Scalar half = (joint.upper - joint.lower) / 2;
       s.q(j) = middle + half * Scalar(u(rng));
     }
     s.vehicle = make_pose<Scalar>(2 * u(rng), 2 * u(rng), 2 * u(rng), 3.1 * u(rng), 1.5 * u(rng),
