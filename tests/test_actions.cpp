@@ -2,11 +2,16 @@
 // The unified hierarchy and the transitions between actions.
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <cstdio>
 #include <deque>
 #include <icat/action/transition.hpp>
 #include <icat/action/unified_hierarchy.hpp>
 #include <icat/task/function_task.hpp>
+#include <map>
 #include <random>
+#include <set>
+#include <tuple>
 
 namespace {
 
@@ -119,66 +124,173 @@ TEST(UnifiedHierarchy, ConsistentOrdersNeedEachTaskOnce) {
   EXPECT_EQ(extracted(h, 2), "J < D < M < H < T < a");
 }
 
-// All merges of all orders, by brute force: the fewest entries there are.
-std::size_t fewest_entries(const std::vector<Action>& actions, std::vector<std::size_t> at) {
-  std::size_t best = static_cast<std::size_t>(-1);
-  std::size_t unfinished = 0;
-  for (std::size_t a = 0; a < actions.size(); ++a) {
-    if (at[a] < actions[a].levels.size()) unfinished |= std::size_t{1} << a;
-  }
-  if (!unfinished) return 0;
-  for (std::size_t move = 1; move <= unfinished; ++move) {
-    if ((move & unfinished) != move) continue;
-    std::set<const void*> level;
-    auto next = at;
-    for (std::size_t a = 0; a < actions.size(); ++a) {
-      if (!((move >> a) & 1)) continue;
-      for (const auto& t : actions[a].levels[at[a]]) level.insert(&t.get());
-      ++next[a];
+// What a shortest list is the shortest in: entries, levels, and the sizes of the levels.
+using Cost = std::tuple<std::size_t, std::size_t, std::vector<std::size_t>>;
+
+Cost cost(const Hierarchy& h) {
+  std::vector<std::size_t> sizes;
+  for (const auto& level : h) sizes.push_back(level.size());
+  return {entries(h), h.size(), sizes};
+}
+
+// All merges of all orders, by brute force.
+class BruteForce {
+ public:
+  explicit BruteForce(const std::vector<Action>& actions) : actions_(actions) {}
+  Cost least() { return least(std::vector<std::size_t>(actions_.size(), 0)); }
+
+ private:
+  Cost least(const std::vector<std::size_t>& at) {
+    if (const auto found = known_.find(at); found != known_.end()) return found->second;
+    std::size_t unfinished = 0;
+    for (std::size_t a = 0; a < actions_.size(); ++a) {
+      if (at[a] < actions_[a].levels.size()) unfinished |= std::size_t{1} << a;
     }
-    best = std::min(best, level.size() + fewest_entries(actions, next));
+    if (!unfinished) return {};
+    Cost best{static_cast<std::size_t>(-1), 0, {}};
+    for (std::size_t move = unfinished; move != 0; move = (move - 1) & unfinished) {
+      std::set<const void*> level;
+      auto next = at;
+      for (std::size_t a = 0; a < actions_.size(); ++a) {
+        if (!((move >> a) & 1)) continue;
+        for (const auto& t : actions_[a].levels[at[a]]) level.insert(&t.get());
+        ++next[a];
+      }
+      auto [count, levels, sizes] = least(next);
+      sizes.insert(sizes.begin(), level.size());
+      best = std::min(best, Cost{count + level.size(), levels + 1, sizes});
+    }
+    return known_[at] = best;
   }
-  return best;
+
+  const std::vector<Action>& actions_;
+  std::map<std::vector<std::size_t>, Cost> known_;
+};
+
+// The letters as an order of up to `most` of them, now and then two on one level.
+std::string some(const std::string& letters, std::size_t most, std::mt19937& rng) {
+  std::string list;
+  const std::size_t length = 1 + rng() % most;
+  for (std::size_t k = 0; k < length; ++k) {
+    if (k) list += rng() % 3 ? '<' : ',';
+    list += letters[k];
+  }
+  return list;
 }
 
 TEST(UnifiedHierarchy, IsTheShortestAndContainsEveryAction) {
   std::mt19937 rng(1);
-  for (int i = 0; i < 300; ++i) {
+  for (int i = 0; i < 1000; ++i) {
     SCOPED_TRACE(i);
     Tasks tasks;
     std::vector<Action> actions;
-    const int count = 2 + static_cast<int>(rng() % 2);
+    const int count = 2 + static_cast<int>(rng() % 3);
+    // Any order, or all tasks in one order but for two neighbours now and then.
+    const bool any_order = rng() % 2;
     for (int a = 0; a < count; ++a) {
-      std::string letters = "ABCDEF";
-      std::shuffle(letters.begin(), letters.end(), rng);
-      std::string list;
-      const std::size_t length = 1 + rng() % 4;
-      for (std::size_t k = 0; k < length; ++k) {
-        if (k) list += rng() % 3 ? '<' : ',';
-        list += letters[k];
-      }
-      actions.push_back(tasks.action(std::to_string(a), list));
+      std::string letters = "ABCDEFG";
+      if (any_order) std::shuffle(letters.begin(), letters.end(), rng);
+      while (letters.size() > 5) letters.erase(rng() % letters.size(), 1);
+      if (rng() % 3 == 0) std::swap(letters[1], letters[2]);
+      actions.push_back(tasks.action(std::to_string(a), some(letters, 5, rng)));
     }
     const Hierarchy h = icat::unified_hierarchy(actions);
     for (std::size_t a = 0; a < actions.size(); ++a) EXPECT_EQ(extracted(h, a), text(actions[a]));
-    EXPECT_EQ(entries(h), fewest_entries(actions, std::vector<std::size_t>(actions.size(), 0)));
+    EXPECT_EQ(cost(h), BruteForce(actions).least());
   }
 }
 
-TEST(UnifiedHierarchy, ManyActionsThatAgreeAreFastAndManyThatDoNotGiveUp) {
+// One task more for each conflict, and every action's own order.
+TEST(UnifiedHierarchy, ConflictsAmongManyActionsStayExact) {
   Tasks tasks;
-  std::vector<Action> agree, conflict;
+  std::vector<Action> actions;
+  for (int a = 0; a < 20; ++a) {
+    const std::string own(1, static_cast<char>('a' + a));
+    actions.push_back(tasks.action(own, "A < B < " + own + " < C < D"));
+  }
+  actions.push_back(tasks.action("first", "B < A < C < D"));
+  actions.push_back(tasks.action("last", "A < B < D < C"));
+  const Hierarchy h = icat::unified_hierarchy(actions);
+  EXPECT_EQ(entries(h), 26u);
+  EXPECT_EQ(h.size(), 5u);
+  for (std::size_t a = 0; a < actions.size(); ++a) EXPECT_EQ(extracted(h, a), text(actions[a]));
+}
+
+// Every subset of `switches` as an action, between levels that all of them have.
+std::vector<Action> all_subsets(Tasks& tasks, const std::string& name,
+                                const std::string& switches) {
+  std::vector<Action> actions;
+  for (std::size_t subset = 0; (subset >> switches.size()) == 0; ++subset) {
+    std::string list = "J,L < O";
+    for (std::size_t i = 0; i < switches.size(); ++i) {
+      if ((subset >> i) & 1) list += std::string("<") + switches[i];
+    }
+    actions.push_back(tasks.action(name + std::to_string(subset), list + "< T < v"));
+  }
+  return actions;
+}
+
+TEST(UnifiedHierarchy, ManyActionsAreFast) {
+  Tasks tasks;
+  const auto four = all_subsets(tasks, "", "abcd");
+  const auto six = all_subsets(tasks, "", "abcdef");
+  auto no_longest = six;  // No action holds all the others.
+  no_longest.pop_back();
+  auto two_orders = six;
+  for (const auto& action : all_subsets(tasks, "swapped ", "acbdef")) two_orders.push_back(action);
+  std::vector<Action> apart;
+  for (char own = 'a'; own < 'v'; ++own) {
+    apart.push_back(tasks.action({own}, std::string("J < ") + own + " < T < v"));
+  }
+  const struct {
+    const char* name;
+    const std::vector<Action>& actions;
+    std::size_t entries, levels;
+  } cases[] = {{"all subsets of four", four, 9, 8},
+               {"all subsets of six", six, 11, 10},
+               {"all but the longest", no_longest, 11, 10},
+               {"two orders", two_orders, 12, 11},
+               {"a task of its own in each", apart, 24, 4}};
+  for (const auto& c : cases) {
+    SCOPED_TRACE(c.name);
+    const auto start = std::chrono::steady_clock::now();
+    const Hierarchy h = icat::unified_hierarchy(c.actions);
+    const std::chrono::duration<double> time = std::chrono::steady_clock::now() - start;
+    std::printf("%zu actions, %s: %.2f ms\n", c.actions.size(), c.name, 1e3 * time.count());
+    EXPECT_LT(time.count(), 0.5);
+    EXPECT_EQ(entries(h), c.entries);
+    EXPECT_EQ(h.size(), c.levels);
+    for (std::size_t a = 0; a < c.actions.size(); ++a) {
+      EXPECT_EQ(extracted(h, a), text(c.actions[a]));
+    }
+  }
+}
+
+TEST(UnifiedHierarchy, TooManyConflictsGiveUp) {
+  Tasks tasks;
+  std::vector<Action> conflict;
   std::mt19937 rng(4);
   std::string letters = "ABCDEFGHIJKL";
-  for (int a = 0; a < 12; ++a) {
-    agree.push_back(tasks.action(std::to_string(a), "A < B < C < D < E < F < G < H < I"));
-    std::shuffle(letters.begin(), letters.end(), rng);
+  const auto action = [&](const std::string& name) {
     std::string list;
     for (const char c : letters) list += std::string(list.empty() ? "" : "<") + c;
-    conflict.push_back(tasks.action(std::to_string(a), list));
+    conflict.push_back(tasks.action(name, list));
+  };
+  action("sorted");
+  for (int a = 0; a < 12; ++a) {
+    std::shuffle(letters.begin(), letters.end(), rng);
+    action(std::to_string(a));
   }
-  EXPECT_EQ(entries(icat::unified_hierarchy(agree)), 9u);
-  EXPECT_THROW(icat::unified_hierarchy(conflict), std::invalid_argument);
+  std::sort(letters.rbegin(), letters.rend());
+  action("reversed");
+  try {
+    icat::unified_hierarchy(conflict);
+    ADD_FAILURE() << "no exception";
+  } catch (const std::invalid_argument& e) {
+    EXPECT_STREQ(e.what(),
+                 "unified_hierarchy: the orders conflict too much for a shortest list, most of all "
+                 "'sorted' and 'reversed'; use fewer actions");
+  }
 }
 
 TEST(UnifiedHierarchy, BadActionsThrow) {
@@ -196,7 +308,8 @@ TEST(UnifiedHierarchy, BadActionsThrow) {
             "unified_hierarchy: two actions are called 'x'");
   EXPECT_EQ(message({tasks.action("x", "A < B < A")}), "action 'x': task 'A' stands in it twice");
   EXPECT_EQ(message({tasks.action("x", "A < < B")}), "action 'x': level 1 has no tasks");
-  EXPECT_EQ(message(std::vector<Action>(17)), "unified_hierarchy: at most 16 actions, got 17");
+  Action long_one{"x", std::vector<icat::PriorityLevel<Archetype>>(256)};
+  EXPECT_EQ(message({long_one}), "action 'x': at most 255 levels, got 256");
 }
 
 // --- transitions ---------------------------------------------------------------------------------

@@ -17,7 +17,7 @@
 namespace grasp {
 
 using support::pose;
-using Robot = icat::Uvms<double, 7>;
+using Robot = icat::KinematicTree<double, 13>;
 using Pose = icat::Pose<double>;
 using Vector3 = icat::Vector3<double>;
 using Vector6 = icat::Vector6<double>;
@@ -50,13 +50,10 @@ inline Pose hover_goal() {
 }
 
 inline Robot make_robot() {
-  Pose camera = pose({0.45, 0, 0.35}, 0, 0, 0);  // looks down
-  Pose gripper = Pose::Identity();
-  gripper.translation().z() = 0.1;
-  return Robot({.arm = icat::maris_arm<double>(),
-                .arm_mount = icat::maris_arm_mount<double>(),
-                .camera = camera,
-                .tool = gripper});
+  return icat::uvms(icat::maris_arm<double>(),
+                    {.arm = icat::maris_arm_mount<double>(),
+                     .camera = pose({0.45, 0, 0.35}, 0, 0, 0),  // looks down
+                     .tool = pose({0, 0, 0.1}, 0, 0, 0)});      // the gripper
 }
 
 // --- what is recorded
@@ -107,33 +104,40 @@ inline Vector3 sinusoidal_current(double t) {
 template <class Observe>
 Result run(const Variant& variant, double dt, Observe observe) {
   Robot robot = make_robot();
+  const icat::FrameId vehicle = robot.base(), tool = robot.frame("tool"),
+                      camera = robot.frame("camera");
 
   //! [tasks]
   icat::task::JointLimits joint_limits(robot, {.margin = 0.15, .gain = 0.5});
-  icat::task::VehicleDistance vehicle_distance(
-      robot, {.other = companion, .minimum = companion_distance, .margin = 0.3, .gain = 0.5});
-  icat::task::Manipulability manipulability(
-      robot, {.minimum = minimum_manipulability, .margin = 0.01, .gain = 1.0});
-  icat::task::CameraCentering centering(
-      robot,
-      {.target = pipe_centre, .norm = Objective::at_most(maximum_centering, 0.1), .gain = 0.5});
-  icat::task::HorizontalAttitude attitude(
-      robot, {.norm = Objective::at_most(maximum_attitude, 0.1), .gain = 0.5});
-  icat::task::VehiclePose vehicle_pose(
-      robot, {.goal = hover_goal(),
-              .norms = {{.position = Objective::at_most(hover_position, 0.1).toward(0),
-                         .orientation = Objective::at_most(hover_orientation, 0.08).toward(0)}},
-              .gain = 0.6,
-              .max_linear_rate = 0.4,
-              .max_angular_rate = 0.3});
-  const auto to = [](const char* name, const Pose& goal) {
-    return icat::task::PoseTaskOptions<double>{
-        .name = name, .goal = goal, .gain = 0.8, .max_linear_rate = 0.15, .max_angular_rate = 0.3};
+  icat::task::FrameDistance vehicle_distance(robot, vehicle, companion,
+                                             Objective::at_least(companion_distance, 0.3),
+                                             {.name = "vehicle distance", .gain = 0.5});
+  icat::task::Manipulability manipulability(robot, tool,
+                                            Objective::at_least(minimum_manipulability, 0.01));
+  icat::task::LookAt centering(robot, camera, pipe_centre,
+                               {.name = "camera centering",
+                                .norm = Objective::at_most(maximum_centering, 0.1),
+                                .gain = 0.5});
+  icat::task::Attitude attitude(robot, vehicle,
+                                {.name = "horizontal attitude",
+                                 .norm = Objective::at_most(maximum_attitude, 0.1),
+                                 .gain = 0.5});
+  icat::task::FramePose vehicle_pose(
+      robot, vehicle, hover_goal(),
+      {.name = "vehicle pose",
+       .norms = {{.position = Objective::at_most(hover_position, 0.1).toward(0),
+                  .orientation = Objective::at_most(hover_orientation, 0.08).toward(0)}},
+       .gain = 0.6,
+       .max_linear_rate = 0.4,
+       .max_angular_rate = 0.3});
+  const auto to = [](const char* name) {
+    return icat::task::FramePose<Robot>::Options{
+        .name = name, .gain = 0.8, .max_linear_rate = 0.15, .max_angular_rate = 0.3};
   };
-  icat::task::ToolPose tool_grasp(robot, to("tool to grasp", grasp_goal()));
-  icat::task::ToolPose tool_lift(robot, to("tool to lift", lift_goal()));
-  icat::task::ArmMotionMinimality still_arm(robot, "still arm");
-  icat::task::VehicleMotionMinimality still_vehicle(robot, "still vehicle");
+  icat::task::FramePose tool_grasp(robot, tool, grasp_goal(), to("tool to grasp"));
+  icat::task::FramePose tool_lift(robot, tool, lift_goal(), to("tool to lift"));
+  icat::task::Minimality still_arm(robot, icat::joint_columns(robot), "still arm");
+  icat::task::Minimality still_vehicle(robot, robot.base_columns(), "still vehicle");
   //! [tasks]
 
   //! [actions]
@@ -168,29 +172,28 @@ Result run(const Variant& variant, double dt, Observe observe) {
     }
   }
 
-  const std::array<bool, 6> actuated{
-      true, true, true, !variant.underactuated, !variant.underactuated, true};
   //! [controller]
+  icat::Columns given;
+  if (variant.underactuated) given = icat::ColumnRange{10, 2};  // roll and pitch
   icat::Vector<double, 13> limit;
   limit << icat::Vector<double, 7>::Constant(0.5), Vector3::Constant(0.5), Vector3::Constant(0.4);
-  icat::Controller controller(
+  icat::ParallelController controller(
       robot, actions,
-      {.scheme = variant.compensation ? icat::Scheme::parallel : icat::Scheme::whole_body,
-       .actuated = actuated,
-       .solver = {.bounds = icat::VelocityBounds<double, 13>{-limit, limit}}});
+      {.given = given, .solver = {.bounds = icat::VelocityBounds<double, 13>{-limit, limit}}});
   //! [controller]
 
-  icat::KinematicPlant<double, 7>::Options plant_options;
-  plant_options.q << 0, 0.7, 0, -1.8, 0, 1.1, 0;
-  plant_options.vehicle = variant.underactuated ? pose({-3, -1.2, 0.6}, 0.03, 0.02, -0.7)
-                                                : pose({-3, -1.2, 0.6}, 0.25, -0.2, -0.7);
-  plant_options.actuated = actuated;
-  if (variant.current) plant_options.current = sinusoidal_current;
-  icat::KinematicPlant<double, 7> plant(plant_options);
+  icat::Vector<double, 7> q;
+  q << 0, 0.7, 0, -1.8, 0, 1.1, 0;
+  icat::KinematicPlant<Robot> plant(
+      robot, {.q = q,
+              .base = variant.underactuated ? pose({-3, -1.2, 0.6}, 0.03, 0.02, -0.7)
+                                            : pose({-3, -1.2, 0.6}, 0.25, -0.2, -0.7),
+              .not_actuated = given,
+              .current = variant.current ? sinusoidal_current : nullptr});
 
   Result result;
   std::vector<icat::Task<Robot>*> watched;
-  for (const auto& level : controller.hierarchy()) {
+  for (const auto& level : controller.first().hierarchy()) {
     for (const auto& entry : level) {
       result.tasks.push_back(entry.task->name());
       watched.push_back(entry.task);
@@ -221,28 +224,29 @@ Result run(const Variant& variant, double dt, Observe observe) {
     Sample s;
     s.t = t;
     s.action = controller.action();
-    s.command = controller.velocity();
-    s.vehicle_velocity = plant.vehicle_velocity();
+    s.command = variant.compensation ? controller.velocity() : controller.first().velocity();
+    s.vehicle_velocity = plant.velocity().tail<6>();
     s.q = robot.q();
-    s.vehicle = robot.vehicle();
-    s.tool = robot.tool();
+    s.vehicle = robot.pose(vehicle);
+    s.tool = robot.pose(tool);
     const Pose goal = s.action == "lift" ? lift_goal() : grasp_goal();
-    const auto tool = support::distance(goal, s.tool),
+    const auto error = support::distance(goal, s.tool),
                hover = support::distance(hover_goal(), s.vehicle);
-    s.position_error = tool.position;
-    s.orientation_error = tool.orientation;
+    s.position_error = error.position;
+    s.orientation_error = error.orientation;
     s.vehicle_position = hover.position;
     s.vehicle_orientation = hover.orientation;
     s.joint_margin = support::joint_margin(robot);
-    s.manipulability = robot.manipulability().value;
-    s.centering = support::angle_from_z(robot.camera(), pipe_centre);
+    manipulability.update();
+    s.manipulability = manipulability.value();
+    s.centering = support::angle_from_z(robot.pose(camera), pipe_centre);
     s.attitude = std::acos(std::clamp(s.vehicle.matrix()(2, 2), -1.0, 1.0));
     s.distance = support::distance(pose(companion, 0, 0, 0), s.vehicle).position;
     for (std::size_t i = 0; i < watched.size(); ++i) {
-      s.activations.push_back(controller.phase_activations()[i] *
+      s.activations.push_back(controller.first().phase_activations()[i] *
                               watched[i]->activation().maxCoeff());
     }
-    s.arm = support::arm_points(robot, s.tool);
+    s.arm = support::arm_points(robot, tool);
     return s;
   };
 
@@ -259,12 +263,18 @@ Result run(const Variant& variant, double dt, Observe observe) {
   //! [loop]
   for (int cycle = 0; status == icat::Status::ok; ++cycle) {
     const double t = cycle * dt;
-    status = robot.update(plant.q(), plant.vehicle());
+    status = robot.update(plant.q(), plant.base());
     if (status != icat::Status::ok) break;
-    status = controller.step(t, plant.vehicle_velocity());
-    plant.step(controller.joint_velocity(), controller.vehicle_velocity(), t, dt);
+    const Vector6 measured = plant.velocity().tail<6>();
+    if (variant.compensation) {
+      status = controller.step(t, measured);
+      plant.step(controller.command(), t, dt);
+    } else {  // TPIK 1 alone, for the whole body
+      status = controller.step_base(t, measured);
+      plant.step(controller.first().command(), t, dt);
+    }
     //! [loop]
-    observe(robot, controller, t, plant.vehicle_velocity());
+    observe(robot, controller.first(), t, Vector6(plant.velocity().tail<6>()));
     const Sample s = measure(t);
     result.largest_step = std::max(result.largest_step, (s.command - last).norm());
     last = s.command;

@@ -18,7 +18,7 @@
 namespace cooperation {
 
 using support::pose;
-using Robot = icat::Uvms<double, 7>;
+using Robot = icat::KinematicTree<double, 13>;
 using Pose = icat::Pose<double>;
 using Vector3 = icat::Vector3<double>;
 using Vector6 = icat::Vector6<double>;
@@ -75,21 +75,20 @@ inline constexpr double vehicle_gain = 0.8, vehicle_linear = 0.5, vehicle_angula
 inline constexpr double joint_speed = 1.0, vehicle_speed = 0.8, vehicle_turn = 0.6;
 inline constexpr double settle = 2.5;  ///< s, the phases around the firm grasp, as in the paper
 
-inline icat::Controller<Robot>::Options controller_options(const Variant& variant) {
+inline icat::Controller<Robot>::Options controller_options() {
   Command limit;
   limit << icat::Vector<double, 7>::Constant(joint_speed), Vector3::Constant(vehicle_speed),
       Vector3::Constant(vehicle_turn);
-  return {.scheme = variant.compensation ? icat::Scheme::parallel : icat::Scheme::whole_body,
-          .solver = {.bounds = icat::VelocityBounds<double, 13>{-limit, limit}}};
+  return {.solver = {.bounds = icat::VelocityBounds<double, 13>{-limit, limit}}};
 }
 
 inline Robot make_robot() {
-  Pose gripper = Pose::Identity();
-  gripper.translation().z() = 0.1;
-  return Robot({.arm = icat::maris_arm<double>(),
-                .arm_mount = icat::maris_arm_mount<double>(),
-                .camera = pose({0.45, 0, 0.35}, 0, 0.15, 0),  // looks down and ahead
-                .tool = gripper});
+  Robot robot = icat::uvms(icat::maris_arm<double>(),
+                           {.arm = icat::maris_arm_mount<double>(),
+                            .camera = pose({0.45, 0, 0.35}, 0, 0.15, 0),  // looks down and ahead
+                            .tool = pose({0, 0, 0.1}, 0, 0, 0)});
+  robot.add_frame("gripper", robot.frame("tool"), Pose::Identity());
+  return robot;
 }
 
 /// A robot with its tasks, its actions and its plant.
@@ -97,42 +96,43 @@ class Side {
  public:
   Side(double side, const Variant& variant)
       : robot(make_robot()),
-        gripper(robot.description().tool),
-        plant(plant_options(side, variant)),
+        tool(robot.frame("tool")),
+        gripper(robot.frame("gripper")),
+        camera(robot.frame("camera")),
+        plant(robot, {.q = posture(),
+                      .base = start(side),
+                      .current = variant.current ? sinusoidal_current : nullptr}),
         joint_limits(robot, {.margin = limit_margin, .gain = 0.5}),
-        vehicle_distance(robot, {.other = start(-side).translation(),
-                                 .minimum = minimum_distance,
-                                 .margin = distance_margin,
-                                 .gain = 0.5}),
-        manipulability(
-            robot,
-            {.minimum = minimum_manipulability, .margin = manipulability_margin, .gain = 1.0}),
-        centering(robot, {.target = (pipe_start * grasp_on_pipe(side)).translation(),
-                          .norm = Objective::at_most(maximum_centering, centering_margin),
-                          .gain = 0.5}),
-        attitude(robot,
+        vehicle_distance(robot, robot.base(), start(-side).translation(),
+                         Objective::at_least(minimum_distance, distance_margin), {.gain = 0.5}),
+        manipulability(robot, tool,
+                       Objective::at_least(minimum_manipulability, manipulability_margin)),
+        centering(robot, camera, (pipe_start * grasp_on_pipe(side)).translation(),
+                  {.norm = Objective::at_most(maximum_centering, centering_margin), .gain = 0.5}),
+        attitude(robot, robot.base(),
                  {.norm = Objective::at_most(maximum_attitude, attitude_margin), .gain = 0.5}),
         vehicle_pose(
-            robot,
-            {.goal = hover(side),
+            robot, robot.base(), hover(side),
+            {.name = "vehicle pose",
              .norms = {{.position = Objective::at_most(hover_position, 0.1).toward(0),
                         .orientation = Objective::at_most(hover_orientation, 0.08).toward(0)}},
              .gain = vehicle_gain,
              .max_linear_rate = vehicle_linear,
              .max_angular_rate = vehicle_angular}),
-        tool_grasp(robot, to("tool to grasp", pipe_start * grasp_on_pipe(side), work_speed)),
-        tool_transport(robot, to("tool to pre-deployment", pre_deployment, carry_speed)),
-        tool_deploy(robot, to("tool to deployment", deployment, work_speed)),
-        tool_away(robot, to("tool to step back", away_goal(side), work_speed)),
-        still_arm(robot),
-        still_vehicle(robot) {}
+        tool_grasp(robot, tool, pipe_start * grasp_on_pipe(side),
+                   with("tool to grasp", work_speed)),
+        tool_transport(robot, tool, pre_deployment, with("tool to pre-deployment", carry_speed)),
+        tool_deploy(robot, tool, deployment, with("tool to deployment", work_speed)),
+        tool_away(robot, tool, away_goal(side), with("tool to step back", work_speed)),
+        still_arm(robot, icat::joint_columns(robot)),
+        still_vehicle(robot, robot.base_columns()) {}
 
   //! [actions]
   std::vector<icat::Action<Robot>> actions() {
     const icat::PriorityLevel<Robot> limits{joint_limits}, distance{vehicle_distance},
-        dexterity{manipulability}, camera{centering}, level{attitude};
+        dexterity{manipulability}, view{centering}, level{attitude};
     return {{"navigate", {limits, distance, dexterity, level, {vehicle_pose}, {still_arm}}},
-            {"grasp", {limits, distance, dexterity, camera, level, {tool_grasp}, {still_vehicle}}},
+            {"grasp", {limits, distance, dexterity, view, level, {tool_grasp}, {still_vehicle}}},
             {"join", {limits, distance, dexterity, level, {tool_grasp}, {still_arm}}},
             {"transport", {limits, distance, dexterity, level, {tool_transport}, {still_arm}}},
             {"deploy", {limits, distance, dexterity, level, {tool_deploy}, {still_vehicle}}},
@@ -145,17 +145,17 @@ class Side {
   }
   //! [actions]
 
-  /// The gripper's pose.
-  Pose gripper_pose() const { return robot.tool() * robot.description().tool.inverse() * gripper; }
   /// ⟨t⟩ becomes the frame of the object, wherever it is in the gripper.
   icat::Status take(const Pose& object) {
-    tool_grasp.set_goal(object);
-    return robot.set_tool(gripper * (gripper_pose().inverse() * object));
+    const icat::Status status = tool_grasp.set_goal(object);
+    return status == icat::Status::ok
+               ? robot.set_frame(tool, gripper, robot.pose(gripper).inverse() * object)
+               : status;
   }
   /// ⟨t⟩ becomes the gripper again.
   icat::Status leave() {
-    tool_deploy.set_goal(gripper_pose());
-    return robot.set_tool(gripper);
+    const icat::Status status = tool_deploy.set_goal(robot.pose(gripper));
+    return status == icat::Status::ok ? robot.set_frame(tool, gripper, Pose::Identity()) : status;
   }
 
  private:
@@ -164,36 +164,30 @@ class Side {
     goal.translation().z() -= step_back;
     return goal;
   }
-  static icat::task::PoseTaskOptions<double> to(const char* name, const Pose& goal, double speed) {
+  static icat::task::FramePose<Robot>::Options with(const char* name, double speed) {
     return {.name = name,
-            .goal = goal,
             .gain = tool_gain,
             .max_linear_rate = speed,
             .max_angular_rate = tool_angular};
   }
-  static icat::KinematicPlant<double, 7>::Options plant_options(double side,
-                                                                const Variant& variant) {
-    icat::KinematicPlant<double, 7>::Options options;
-    options.q << 0, 0.7, 0, -1.8, 0, 1.1, 0;
-    options.vehicle = start(side);
-    if (variant.current) options.current = sinusoidal_current;
-    return options;
+  static icat::Vector<double, 7> posture() {
+    icat::Vector<double, 7> q;
+    q << 0, 0.7, 0, -1.8, 0, 1.1, 0;
+    return q;
   }
 
  public:
   Robot robot;
-  const Pose gripper;  ///< ⟨gripper⟩ in the end-effector's frame
-  icat::KinematicPlant<double, 7> plant;
+  const icat::FrameId tool, gripper, camera;
+  icat::KinematicPlant<Robot> plant;
 
   icat::task::JointLimits<Robot> joint_limits;
-  icat::task::VehicleDistance<Robot> vehicle_distance;
+  icat::task::FrameDistance<Robot> vehicle_distance;
   icat::task::Manipulability<Robot> manipulability;
-  icat::task::CameraCentering<Robot> centering;
-  icat::task::HorizontalAttitude<Robot> attitude;
-  icat::task::VehiclePose<Robot> vehicle_pose;
-  icat::task::ToolPose<Robot> tool_grasp, tool_transport, tool_deploy, tool_away;
-  icat::task::ArmMotionMinimality<Robot> still_arm;
-  icat::task::VehicleMotionMinimality<Robot> still_vehicle;
+  icat::task::LookAt<Robot> centering;
+  icat::task::Attitude<Robot> attitude;
+  icat::task::FramePose<Robot> vehicle_pose, tool_grasp, tool_transport, tool_deploy, tool_away;
+  icat::task::Minimality<Robot> still_arm, still_vehicle;
 };
 
 // --- what is recorded ----------------------------------------------------------------------------
@@ -268,13 +262,15 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
     agents[i] = std::make_unique<icat::Agent<Robot>>(
         sides[i]->robot, sides[i]->actions(), sides[i]->shared(),
         icat::Agent<Robot>::Options{
-            .controller = controller_options(variant),
+            .controller = controller_options(),
+            .compensation = variant.compensation,
             .agreement = {.index = i, .policy = variant.policy, .spans = variant.spans}});
   }
   //! [agents]
-  icat::CentralizedController<Robot> central({{a.robot, a.actions()}, {b.robot, b.actions()}},
-                                             controller_options(variant).solver);
-  icat::Transition<double> firmness(1);  // of the centralised variant
+  icat::CentralizedController<Robot> central(
+      {{a.robot, a.tool, a.actions()}, {b.robot, b.tool, b.actions()}},
+      controller_options().solver);
+  icat::Transition firmness(1);  // of the centralised variant
 
   Result result;
   result.samples.reserve(7000);
@@ -309,19 +305,19 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
     std::array<Command, 2> command;
 
     //! [cycle]
-    for (Side* side : sides) check(side->robot.update(side->plant.q(), side->plant.vehicle()));
-    a.vehicle_distance.set_other(b.robot.vehicle().translation());
-    b.vehicle_distance.set_other(a.robot.vehicle().translation());
+    for (Side* side : sides) check(side->robot.update(side->plant.q(), side->plant.base()));
+    check(a.vehicle_distance.set_point(b.robot.pose(b.robot.base()).translation()));
+    check(b.vehicle_distance.set_point(a.robot.pose(a.robot.base()).translation()));
     if (!variant.centralized) {
       for (std::size_t i = 0; i < 2; ++i) {
-        check(agents[i]->propose(t, sides[i]->plant.vehicle_velocity()));
+        check(agents[i]->propose(t, sides[i]->plant.velocity()));
       }
       if (cooperating) {  // 24 bytes each way
         check(agents[1]->receive(0, cycle, agents[0]->send(cycle)));
         check(agents[0]->receive(1, cycle, agents[1]->send(cycle)));
       }
       for (std::size_t i = 0; i < 2; ++i) {
-        check(agents[i]->step(t, sides[i]->plant.vehicle_velocity()));
+        check(agents[i]->step(t, sides[i]->plant.velocity()));
         command[i] = agents[i]->velocity();
       }
     } else {
@@ -342,21 +338,22 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
       Side& side = *sides[i];
       RobotSample& r = s.robots[i];
       r.command = command[i];
-      r.vehicle_velocity = side.plant.vehicle_velocity();
-      r.vehicle = side.robot.vehicle();
-      r.tool = side.robot.tool();
-      r.gripper = side.gripper_pose();
+      r.vehicle_velocity = side.plant.velocity().tail<6>();
+      r.vehicle = side.robot.pose(side.robot.base());
+      r.tool = side.robot.pose(side.tool);
+      r.gripper = side.robot.pose(side.gripper);
       r.q = side.robot.q();
       Command actual = command[i];
       if (variant.current) {
         actual.segment<3>(7) += r.vehicle.linear().transpose() * sinusoidal_current(t);
       }
-      r.tool_velocity = side.robot.tool_jacobian(icat::Frame::tool) * actual;
+      r.tool_velocity = support::twist(side.robot, side.tool, actual);
       r.joint_margin = support::joint_margin(side.robot);
-      r.manipulability = side.robot.manipulability().value;
+      side.manipulability.update();
+      r.manipulability = side.manipulability.value();
       r.attitude = std::acos(std::clamp(r.vehicle.matrix()(2, 2), -1.0, 1.0));
       const Pose target = pipe_start * grasp_on_pipe(i ? 1 : -1);
-      r.centering = support::angle_from_z(side.robot.camera(), target.translation());
+      r.centering = support::angle_from_z(side.robot.pose(side.camera), target.translation());
       r.limit_activations.fill(0);
       r.activations.fill(0);
       const auto& own = agents[i]->own();
@@ -383,7 +380,7 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
         }
       }
       r.activations[8] = agents[i]->agreement_activation();
-      r.arm = support::arm_points(side.robot, r.gripper);
+      r.arm = support::arm_points(side.robot, side.gripper);
     }
     if (grasped) {
       object.translation() = (s.robots[0].tool.translation() + s.robots[1].tool.translation()) / 2;
@@ -432,7 +429,7 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
     result.samples.push_back(s);
     if (progress) progress(t);
     for (std::size_t i = 0; i < 2; ++i) {
-      sides[i]->plant.step(command[i].head<7>(), command[i].tail<6>(), t, dt);
+      sides[i]->plant.step(command[i], t, dt);
     }
 
     // The supervisor: a phase ends when both robots are there, or after a while.
@@ -487,13 +484,13 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
     enter(phase + 1, next);
     // The tool frames change at the grasp and after the release; the grasp is firm from the moment
     // at which both robots command the same tool velocity.
-    for (Side* side : sides) check(side->robot.update(side->plant.q(), side->plant.vehicle()));
+    for (Side* side : sides) check(side->robot.update(side->plant.q(), side->plant.base()));
     if (phase == 2 || phase == 3) {
       for (Side* side : sides) check(side->take(object));
     }
     if (phase == 3) {
       grasped = true;
-      tool_b_in_a = a.robot.tool().inverse() * b.robot.tool();
+      tool_b_in_a = a.robot.pose(a.tool).inverse() * b.robot.pose(b.tool);
     } else if (phase == 5) {
       grasped = false;
     } else if (phase == 6) {

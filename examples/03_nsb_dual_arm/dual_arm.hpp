@@ -15,9 +15,9 @@
 /// (follower); one solver for the whole body takes all.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <Eigen/Geometry>
 #include <icat/core/types.hpp>
 
 namespace nsb {

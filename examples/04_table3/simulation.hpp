@@ -16,9 +16,11 @@
 #include <string>
 #include <vector>
 
+#include "../support/geometry.hpp"
+
 namespace table3 {
 
-using Robot = icat::Uvms<double, 7>;
+using Robot = icat::KinematicTree<double, 13>;
 using Plant = icat::GraspedObjectPlant<double, 7>;
 using Pose = icat::Pose<double>;
 using Vector3 = icat::Vector3<double>;
@@ -136,11 +138,12 @@ inline const Pose pipe_goal =
     pose({0.75, 0.75, 2.5},
          turn(Vector3::UnitZ(), quarter) * turn(Vector3::UnitY(), quarter) * pipe_start.linear());
 
-inline Robot::Description description() {
-  Robot::Description d{.arm = icat::maris_arm<double>(),
-                       .arm_mount = icat::maris_arm_mount<double>()};
-  d.tool.translation().z() = 0.1;  // the gripper, until it holds the pipe
-  return d;
+/// Its tool is the gripper until it holds the pipe.
+inline Robot make_robot() {
+  Pose gripper = Pose::Identity();
+  gripper.translation().z() = 0.1;
+  return icat::uvms(icat::maris_arm<double>(),
+                    {.arm = icat::maris_arm_mount<double>(), .tool = gripper});
 }
 
 /// After the grasp: the grippers came from above, the vehicles face along x of the world, level.
@@ -151,7 +154,7 @@ inline icat::HydrodynamicPlant<double, 7> plant_of(double side) {
   } else {
     q << 0, 1.4, 0, -2.4, 0, 1.0, 0;
   }
-  Robot robot(description());
+  Robot robot = make_robot();
   const icat::Status status = robot.update(q, Pose::Identity());
   if (status != icat::Status::ok) icat::detail::invalid("the start is refused");
   Pose gripper = pipe_start;
@@ -159,33 +162,32 @@ inline icat::HydrodynamicPlant<double, 7> plant_of(double side) {
   gripper.linear() = Vector3(-1, -1, 1).asDiagonal();
   icat::HydrodynamicPlant<double, 7>::State start;
   start.q = q;
-  start.vehicle = gripper * robot.tool().inverse();
-  return icat::HydrodynamicPlant<double, 7>(icat::maris_dynamics<double>(description()), start);
+  start.vehicle = gripper * robot.pose(robot.frame("tool")).inverse();
+  return icat::HydrodynamicPlant<double, 7>(icat::maris_dynamics<double>(), start);
 }
 
 /// A robot with its tasks, loops and agent.
 class Side {
  public:
   Side(std::size_t index, const Plant& plant, const Row& row, const Parameters& p)
-      : robot(with_tool(plant.grasp(index))),
+      : robot(holding(plant.grasp(index))),
+        tool_frame_(robot.frame("tool")),
         joint_limits_(robot, {.margin = 0.2, .gain = 0.5}),
-        distance_(robot, {.other = plant.robot(1 - index).vehicle().translation(),
-                          .minimum = 2.0,
-                          .margin = 0.5,
-                          .gain = 0.5}),
-        manipulability_(robot, {.minimum = 0.05, .margin = 0.04, .gain = 1.0}),
-        attitude_(robot, {.norm = Objective::at_most(0.2, 0.1), .gain = 0.5}),
-        tool_(robot, {.goal = pipe_goal,
-                      .gain = p.tool_gain,
-                      .max_linear_rate = p.tool_linear,
-                      .max_angular_rate = p.tool_angular}),
-        hold_(robot, {.name = "hold", .goal = pipe_start}),
-        still_arm_(robot),
+        distance_(robot, robot.base(), plant.robot(1 - index).vehicle().translation(),
+                  Objective::at_least(2.0, 0.5), {.gain = 0.5}),
+        manipulability_(robot, tool_frame_, Objective::at_least(0.05, 0.04)),
+        attitude_(robot, robot.base(), {.norm = Objective::at_most(0.2, 0.1), .gain = 0.5}),
+        tool_(robot, tool_frame_, pipe_goal,
+              {.name = "tool pose",
+               .gain = p.tool_gain,
+               .max_linear_rate = p.tool_linear,
+               .max_angular_rate = p.tool_angular}),
+        hold_(robot, tool_frame_, pipe_start, {.name = "hold"}),
+        still_arm_(robot, icat::joint_columns(robot)),
         agent(robot, {{"hold", levels(hold_)}, {"transport", levels(tool_)}},
               {{"hold", hold_}, {"transport", tool_}},
-              {.controller = {.scheme = row.compensation ? icat::Scheme::parallel
-                                                         : icat::Scheme::whole_body,
-                              .solver = {.bounds = bounds(p)}},
+              {.controller = {.solver = {.bounds = bounds(p)}},
+               .compensation = row.compensation,
                .agreement = {.index = index,
                              .spans = row.spans,
                              .hold = p.hold,
@@ -197,15 +199,23 @@ class Side {
         vehicle_(icat::PiLoop<double, 6>::tuned(nominal_inertia().tail<6>(), vehicle_bandwidth(p))),
         feedback_(row.feedback, Vector6::Zero()) {}
 
-  void see(const Vector3& other) { distance_.set_other(other); }
-  /// The vehicle's velocity as the kinematic loop gets it.
-  const Vector6& measured(double t, const Vector6& truth) { return feedback_.update(t, truth); }
+  icat::Status see(const Vector3& other) { return distance_.set_point(other); }
+  /// ẏ as the kinematic loop gets it: the vehicle's, the joints' is not needed.
+  Vector13 measured(double t, const Vector6& truth) {
+    Vector13 velocity = Vector13::Zero();
+    velocity.tail<6>() = feedback_.update(t, truth);
+    return velocity;
+  }
+  /// Velocity of the tool under the agent's own hierarchy, components on it.
+  Vector6 own_tool_velocity() const {
+    return support::twist(robot, tool_frame_, agent.own().velocity());
+  }
   /// Torques and vehicle wrench of the PI loops, each 2 kHz step.
   icat::Status forces(const Vector13& velocity, Vector13& out) {
     const icat::Status arm =
-        joints_.update(agent.joint_velocity(), velocity.head<7>(), Joints::Zero(), plant_dt);
+        joints_.update(agent.velocity().head<7>(), velocity.head<7>(), Joints::Zero(), plant_dt);
     const icat::Status hull =
-        vehicle_.update(agent.vehicle_velocity(), velocity.tail<6>(), Vector6::Zero(), plant_dt);
+        vehicle_.update(agent.velocity().tail<6>(), velocity.tail<6>(), Vector6::Zero(), plant_dt);
     out << joints_.output(), vehicle_.output();
     return arm == icat::Status::ok ? hull : arm;
   }
@@ -214,7 +224,7 @@ class Side {
 
  private:
   /// [Coop, III-E] in transport.
-  std::vector<icat::PriorityLevel<Robot>> levels(icat::task::ToolPose<Robot>& tool) {
+  std::vector<icat::PriorityLevel<Robot>> levels(icat::task::FramePose<Robot>& tool) {
     return {{joint_limits_}, {distance_}, {manipulability_}, {attitude_}, {tool}, {still_arm_}};
   }
   static Vector6 vehicle_bandwidth(const Parameters& p) {
@@ -232,22 +242,24 @@ class Side {
   static Vector13 nominal_inertia() {
     icat::HydrodynamicPlant<double, 7>::State nominal;
     nominal.q << 0, 0.4, 0.3, -1.6, 0, 0.8, 0;
-    const icat::HydrodynamicPlant<double, 7> plant(icat::maris_dynamics<double>(description()),
-                                                   nominal);
+    const icat::HydrodynamicPlant<double, 7> plant(icat::maris_dynamics<double>(), nominal);
     const Eigen::Matrix<double, 13, 13> M = plant.dynamics().mass_matrix();
     return M.inverse().diagonal().cwiseInverse();
   }
-  static Robot with_tool(const Pose& tool) {
-    Robot::Description d = description();
-    d.tool = tool;
-    return Robot(d);
+  static Robot holding(const Pose& grasp) {
+    Robot robot = make_robot();
+    const icat::Status status =
+        robot.set_frame(robot.frame("tool"), robot.frame("end_effector"), grasp);
+    if (status != icat::Status::ok) icat::detail::invalid("the grasp is refused");
+    return robot;
   }
+  icat::FrameId tool_frame_;
   icat::task::JointLimits<Robot> joint_limits_;
-  icat::task::VehicleDistance<Robot> distance_;
+  icat::task::FrameDistance<Robot> distance_;
   icat::task::Manipulability<Robot> manipulability_;
-  icat::task::HorizontalAttitude<Robot> attitude_;
-  icat::task::ToolPose<Robot> tool_, hold_;
-  icat::task::ArmMotionMinimality<Robot> still_arm_;
+  icat::task::Attitude<Robot> attitude_;
+  icat::task::FramePose<Robot> tool_, hold_;
+  icat::task::Minimality<Robot> still_arm_;
 
  public:
   icat::Agent<Robot> agent;
@@ -339,11 +351,11 @@ inline Result run(const Row& row, const Parameters& p,
   for (int k = 0; k < steps && result.status == icat::Status::ok; ++k) {
     const double t = k * plant_dt;
     if (k % per_cycle == 0) {
-      std::array<Vector6, 2> measured;
+      std::array<Vector13, 2> measured;
       for (std::size_t i = 0; i < 2; ++i) {
         const auto& body = plant.robot(i);
         check(sides[i]->robot.update(body.q(), body.vehicle()));
-        sides[i]->see(plant.robot(1 - i).vehicle().translation());
+        check(sides[i]->see(plant.robot(1 - i).vehicle().translation()));
         measured[i] = sides[i]->measured(t, body.vehicle_velocity());
         check(sides[i]->agent.propose(t, measured[i]));
       }
@@ -380,8 +392,7 @@ inline Result run(const Row& row, const Parameters& p,
       std::array<Vector6, 2> own;
       for (std::size_t i = 0; i < 2; ++i) {
         s.agreed[i] = sides[i]->agent.agreed_velocity();
-        own[i] =
-            sides[i]->robot.tool_jacobian(icat::Frame::tool) * sides[i]->agent.own().velocity();
+        own[i] = sides[i]->own_tool_velocity();
       }
       apart += (own[0] - own[1]).squaredNorm();
       for (auto& wrench : s.vehicle_wrench) wrench.setZero();

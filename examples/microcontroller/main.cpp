@@ -18,7 +18,7 @@ namespace {
 #define SCALAR float
 #endif
 using Scalar = SCALAR;  // the host runs double, too: it shows what float loses
-using Robot = icat::Uvms<Scalar, 7>;
+using Robot = icat::KinematicTree<Scalar, 13>;
 using Solver = icat::Tpik<Scalar, 13>;
 using Velocity = icat::Vector<Scalar, 13>;
 
@@ -83,24 +83,24 @@ icat::Status solve(Solver& tpik, int hierarchy) {
 /// Vehicle and arm reach for a goal 1.6 m away.
 struct Reach {
   Robot robot;
-  icat::KinematicPlant<Scalar, 7> plant;
+  icat::KinematicPlant<Robot> plant;
   icat::task::JointLimits<Robot> limits;
-  icat::task::ToolPose<Robot> tool;
-  icat::task::VehicleMotionMinimality<Robot> still_vehicle;
+  icat::task::FramePose<Robot> tool;
+  icat::task::Minimality<Robot> still_vehicle;
   icat::Controller<Robot> controller;
 
   Reach()
-      : robot({.arm = icat::maris_arm<Scalar>(), .arm_mount = icat::maris_arm_mount<Scalar>()}),
-        plant({.q = icat::Vector<Scalar, 7>::Constant(Scalar(-0.4))}),
+      : robot(icat::uvms(icat::maris_arm<Scalar>(), {.arm = icat::maris_arm_mount<Scalar>()})),
+        plant(robot, {.q = icat::Vector<Scalar, 7>::Constant(Scalar(-0.4))}),
         limits(robot, {.margin = Scalar(0.1), .gain = Scalar(0.5)}),
-        tool(robot, {.goal = goal(), .gain = Scalar(0.5)}),
-        still_vehicle(robot),
+        tool(robot, robot.frame("tool"), goal(), {.gain = Scalar(0.5)}),
+        still_vehicle(robot, robot.base_columns()),
         controller(robot, {{"reach", {{limits}, {tool}, {still_vehicle}}}},
                    {.solver = solver_options()}) {}
 
   icat::Pose<Scalar> goal() {
-    require(robot.update(plant.q(), plant.vehicle()));
-    icat::Pose<Scalar> goal = robot.tool();
+    require(robot.update(plant.q(), plant.base()));
+    icat::Pose<Scalar> goal = robot.pose(robot.frame("tool"));
     goal.translation() += icat::Vector3<Scalar>(Scalar(1.5), Scalar(-0.5), Scalar(0.3));
     return goal;
   }
@@ -113,7 +113,7 @@ int main() {
   icat::set_error_handler(board::fail);
 #endif
   constexpr int cycles = 400;
-  constexpr Scalar dt = Scalar(0.01);  // s
+  constexpr double dt = 0.01;  // s
 
   // Construction: all memory is taken here.
   const auto tpik = std::make_unique<Solver>(solver_options());
@@ -139,14 +139,14 @@ int main() {
 
   for (int i = 0; i < cycles; ++i) {
     auto& [robot, plant, limits, tool, still_vehicle, controller] = *reach;
-    const Scalar t = dt * Scalar(i);
+    const double t = dt * i;
     const std::uint32_t start = board::now();
-    icat::Status status = robot.update(plant.q(), plant.vehicle());
+    icat::Status status = robot.update(plant.q(), plant.base());
     if (status == icat::Status::ok) status = controller.step(t);
     cycle_counts[static_cast<std::size_t>(i)] = board::elapsed(start);
     require(status);
     print("cycle", i, controller.velocity());
-    plant.step(controller.joint_velocity(), controller.vehicle_velocity(), t, dt);
+    plant.step(controller.command(), t, dt);
   }
 
   print_counts("solve_median", "solve_maximum", solve_counts);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <icat/math/rigid_motion.hpp>
 #include <limits>
+#include <string>
 
 namespace support {
 
@@ -53,25 +54,34 @@ inline double angle_from_z(const icat::Pose<double>& frame, const icat::Vector3<
 template <class Robot>
 double joint_margin(const Robot& robot) {
   double margin = std::numeric_limits<double>::infinity();
-  for (icat::Index j = 0; j < robot.arm_dof(); ++j) {
-    const double q = robot.q()(j);
-    margin =
-        std::min({margin, q - robot.arm().lower_limits()(j), robot.arm().upper_limits()(j) - q});
+  icat::Index i = 0;
+  for (const auto& joint : robot.joints()) {
+    const double q = robot.position(i++);
+    margin = std::min({margin, q - joint.lower, joint.upper - q});
   }
   return margin;
 }
 
-/// Joints, end-effector and `tip` of a seven-joint arm in the world, from the mount on.
+/// Joints, end-effector and `tip` of the papers' arm in the world, from the mount on.
 template <class Robot>
-Eigen::Matrix<double, 3, 9> arm_points(const Robot& robot, const icat::Pose<double>& tip) {
-  const icat::Pose<double> base = robot.vehicle() * robot.description().arm_mount;
+Eigen::Matrix<double, 3, 9> arm_points(const Robot& robot, icat::FrameId tip) {
   Eigen::Matrix<double, 3, 9> points;
   for (int j = 0; j < 7; ++j) {
-    points.col(j) = base * icat::Vector3<double>(robot.arm_state().points.col(j));
+    points.col(j) = robot.pose(robot.frame("link" + std::to_string(j + 1))).translation();
   }
-  points.col(7) = base * icat::Vector3<double>(robot.arm_state().end_effector.translation());
-  points.col(8) = tip.translation();
+  points.col(7) = robot.pose(robot.frame("end_effector")).translation();
+  points.col(8) = robot.pose(tip).translation();
   return points;
+}
+
+/// Velocity of `frame` under ẏ, components on itself.
+template <class Robot, class Velocity>
+icat::Vector6<double> twist(const Robot& robot, icat::FrameId frame, const Velocity& velocity) {
+  const icat::Vector6<double> world = robot.jacobian(frame) * velocity;
+  const icat::Matrix3<double> back = robot.pose(frame).linear().transpose();
+  icat::Vector6<double> own;
+  own << back * world.head<3>(), back * world.tail<3>();
+  return own;
 }
 
 }  // namespace support

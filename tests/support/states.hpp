@@ -35,10 +35,10 @@ icat::Pose<Scalar> make_pose(double x, double y, double z, double roll, double p
 
 template <class Scalar>
 Robot<Scalar> make_robot() {
-  return icat::uvms<Scalar, 7>(icat::maris_arm<Scalar>(),
-                               {.arm = make_pose<Scalar>(0.2, -0.1, 0.43, 0.3, -0.4, 2.0),
-                                .camera = make_pose<Scalar>(0.5, 0.1, 0.2, -0.2, 0.7, 0.4),
-                                .tool = make_pose<Scalar>(0.03, -0.02, 0.15, 0.5, 0.1, -1.0)});
+  return icat::uvms(icat::maris_arm<Scalar>(),
+                    {.arm = make_pose<Scalar>(0.2, -0.1, 0.43, 0.3, -0.4, 2.0),
+                     .camera = make_pose<Scalar>(0.5, 0.1, 0.2, -0.2, 0.7, 0.4),
+                     .tool = make_pose<Scalar>(0.03, -0.02, 0.15, 0.5, 0.1, -1.0)});
 }
 
 template <class Scalar>

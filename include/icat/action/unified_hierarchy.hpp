@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <map>
 #include <set>
 #include <string>
 #include <utility>
@@ -34,119 +35,244 @@ using UnifiedHierarchy = std::vector<std::vector<HierarchyEntry<R>>>;
 
 namespace detail {
 
-/// The tasks of each level of an action, as numbers.
-using ActionLevels = std::vector<std::vector<std::size_t>>;
+/// An action, its tasks as numbers.
+struct NumberedAction {
+  using Level = std::set<std::size_t>;
+  std::string name;
+  std::vector<Level> levels;
+};
 
-/// A search over how many levels of each action are placed already (A*, exact). Cost and bound of a
-/// state are (entries, levels); ties go to the path with the smaller upper levels.
+/// An exact search (A*) over how many levels of each action are placed already, from the lowest
+/// level of the list up. In that direction only conflicts leave a choice: any other task lies as
+/// low as it can, because a shortest list has the smallest upper levels.
 class HierarchySearch {
  public:
-  HierarchySearch(std::vector<ActionLevels> actions, std::size_t tasks)
-      : actions_(std::move(actions)), tasks_(tasks) {}
+  [[gnu::cold]] HierarchySearch(std::vector<NumberedAction> actions, std::size_t tasks)
+      : all_(std::move(actions)), actions_(all_), found_(tasks) {
+    // A list that holds an action holds those within it too.
+    for (std::size_t a = actions_.size(); a-- > 0;) {
+      const auto holds = [&](const NumberedAction& b) {
+        return &b != &actions_[a] && is_within(actions_[a], b);
+      };
+      if (std::any_of(actions_.begin(), actions_.end(), holds)) {
+        actions_.erase(actions_.begin() + static_cast<std::ptrdiff_t>(a));
+      }
+    }
+    for (std::size_t a = 0; a < actions_.size(); ++a) {
+      auto& levels = actions_[a].levels;
+      std::reverse(levels.begin(), levels.end());
+      for (std::size_t k = 0; k < levels.size(); ++k) {
+        for (const std::size_t task : levels[k]) found_[task].push_back({a, k});
+      }
+    }
+  }
 
-  /// For each unified level, which actions place their next level there (a bit mask).
-  [[gnu::cold]] std::vector<std::size_t> solve() const {
-    std::vector<Node> open(1);
+  /// For each unified level, the highest first, which actions place their next level there.
+  [[gnu::cold]] std::vector<std::vector<bool>> solve() const {
+    std::vector<std::vector<bool>> moves;
+    std::vector<std::size_t> placed(all_.size(), 0);
+    for (const Level& level : shortest()) {
+      auto& move = moves.emplace_back(all_.size(), false);
+      for (std::size_t a = 0; a < all_.size(); ++a) {
+        move[a] = fits(all_[a], placed[a], level);
+        if (move[a]) ++placed[a];
+      }
+    }
+    return moves;
+  }
+
+ private:
+  using Level = NumberedAction::Level;
+  using Counts = std::vector<std::size_t>;
+  /// How many levels of each action are placed.
+  using State = std::vector<unsigned char>;
+  /// A level of a list; its parent is the level below. Cost and bound are (entries, levels).
+  struct Node {
+    std::size_t entries_bound{0}, levels_bound{0}, entries{0}, levels{0}, parent{0};
+    Level level;
+    State placed;
+  };
+  /// The tasks still to come, divided into strongly connected components: the tasks of a part share
+  /// levels, or come both before and after each other, and then one of them must stand twice.
+  struct Parts {
+    Counts part_of;           ///< of each task; none if it is placed
+    std::vector<bool> waits;  ///< Is a level of the part not the next of its action?
+    std::vector<bool> conflicts;
+    Counts visit, stack;  ///< of Tarjan's algorithm
+    std::size_t visits{0};
+  };
+  static constexpr std::size_t none = static_cast<std::size_t>(-1);
+
+  /// Does the k-th level of `a` exist and lie in `level`?
+  static bool fits(const NumberedAction& a, std::size_t k, const Level& level) {
+    return k < a.levels.size() &&
+           std::includes(level.begin(), level.end(), a.levels[k].begin(), a.levels[k].end());
+  }
+  static bool is_within(const NumberedAction& a, const NumberedAction& b) {
+    std::size_t k = 0;
+    for (const Level& level : b.levels) k += fits(a, k, level) ? 1 : 0;
+    return k == a.levels.size();
+  }
+
+  [[gnu::cold]] std::vector<Level> shortest() const {
+    std::vector<Node> nodes(1);  // They stay, as parents.
+    std::vector<std::size_t> open{0};
     std::set<State> closed;
-    open[0].placed.assign(actions_.size(), 0);
-    set_bound(open[0]);
-    // Orders that agree need one state for each level; many that conflict grow without bound.
-    constexpr std::size_t most = 100'000;
+    nodes[0].placed.assign(actions_.size(), 0);
+    const auto worse = [&](std::size_t i, std::size_t j) { return is_worse(nodes, i, j); };
     while (true) {
       std::pop_heap(open.begin(), open.end(), worse);
-      const Node node = std::move(open.back());
+      std::size_t last = open.back();
       open.pop_back();
-      if (!closed.insert(node.placed).second) continue;
-      if (open.size() > most) {
-        invalid("unified_hierarchy: the orders of ", actions_.size(),
-                " actions conflict too much for a shortest list; use fewer actions");
+      if (!closed.insert(nodes[last].placed).second) continue;
+      const State placed = nodes[last].placed;
+      const Parts parts = divide(placed);
+      if (parts.visits == 0) {
+        std::vector<Level> list;
+        for (; last != 0; last = nodes[last].parent) list.push_back(nodes[last].level);
+        return list;
       }
-      std::size_t unfinished = 0;
+      Level free;
+      std::set<Level> choices;
       for (std::size_t a = 0; a < actions_.size(); ++a) {
-        if (placed(node, a) < actions_[a].size()) unfinished |= std::size_t{1} << a;
+        if (placed[a] == actions_[a].levels.size()) continue;
+        const Level& level = actions_[a].levels[placed[a]];
+        const std::size_t part = parts.part_of[*level.begin()];
+        if (parts.conflicts[part]) choices.insert(level);
+        if (!parts.waits[part]) free.insert(level.begin(), level.end());
       }
-      if (unfinished == 0) return node.moves;
-      // Every nonempty subset of the unfinished actions may put its next level here.
-      for (std::size_t move = unfinished; move != 0; move = (move - 1) & unfinished) {
-        Node next = node;
-        State seen(tasks_, 0);
-        const std::size_t before = next.entries;
-        for (std::size_t a = 0; a < actions_.size(); ++a) {
-          if (!((move >> a) & 1)) continue;
-          next.entries += count_new(actions_[a][placed(node, a)], seen);
-          ++next.placed[a];
+      constexpr std::size_t most = 100'000, most_choices = 16;
+      if (nodes.size() > most || choices.size() > most_choices) give_up();
+      // Every subset of the choices may lie here, with all levels that cost no more entries.
+      for (std::size_t subset = 0; (subset >> choices.size()) == 0; ++subset) {
+        Level level = free;
+        std::size_t bit = 0;
+        for (const Level& choice : choices) {
+          if ((subset >> bit++) & 1) level.insert(choice.begin(), choice.end());
         }
-        if (closed.count(next.placed) != 0) continue;
-        next.sizes.push_back(next.entries - before);
-        next.moves.push_back(move);
-        set_bound(next);
-        open.push_back(std::move(next));
+        State next = placed;
+        for (std::size_t a = 0; a < actions_.size(); ++a) {
+          if (fits(actions_[a], placed[a], level)) ++next[a];
+        }
+        if (closed.count(next) != 0) continue;  // The empty subset may place nothing.
+        open.push_back(nodes.size());
+        nodes.push_back(on_top_of(nodes[last], last, std::move(level), std::move(next)));
         std::push_heap(open.begin(), open.end(), worse);
       }
     }
   }
 
- private:
-  /// How many levels of each action are placed; a character each.
-  using State = std::string;
-  using Counts = std::vector<std::size_t>;
-  struct Node {
-    std::size_t entries_bound{0}, levels_bound{0}, entries{0};
-    Counts sizes, moves;
-    State placed;
-  };
-
-  static std::size_t placed(const Node& node, std::size_t a) {
-    return static_cast<unsigned char>(node.placed[a]);
-  }
-  /// Lexicographic: below, at or above 0 as a is before, equal to or after b.
-  static int compare(const Counts& a, const Counts& b) {
-    for (std::size_t i = 0; i < a.size() && i < b.size(); ++i) {
-      if (a[i] != b[i]) return a[i] < b[i] ? -1 : 1;
-    }
-    return a.size() == b.size() ? 0 : a.size() < b.size() ? -1 : 1;
-  }
-  static bool worse(const Node& a, const Node& b) {
+  /// Of the same bound, the lists of fewer levels are grown first: then all lists that reach a
+  /// state are known when the best of them, the one with the smallest upper levels, is taken.
+  static bool is_worse(const std::vector<Node>& nodes, std::size_t i, std::size_t j) {
+    const Node &a = nodes[i], &b = nodes[j];
     if (a.entries_bound != b.entries_bound) return a.entries_bound > b.entries_bound;
     if (a.levels_bound != b.levels_bound) return a.levels_bound > b.levels_bound;
-    if (const int c = compare(a.sizes, b.sizes); c != 0) return c > 0;
-    return compare(a.moves, b.moves) > 0;
-  }
-  /// How many of `tasks` are not among those `seen`, to which they are added.
-  static std::size_t count_new(const std::vector<std::size_t>& tasks, State& seen) {
-    std::size_t count = 0;
-    for (const std::size_t task : tasks) {
-      if (seen[task] == 0) ++count;
-      seen[task] = 1;
+    if (a.levels != b.levels) return a.levels > b.levels;
+    for (std::size_t k = i, l = j; k != l; k = nodes[k].parent, l = nodes[l].parent) {
+      const std::size_t m = nodes[k].level.size(), n = nodes[l].level.size();
+      if (m != n) return m > n;
     }
-    return count;
-  }
-  /// Every task still to come needs one entry more, the longest rest its levels.
-  void set_bound(Node& node) const {
-    State seen(tasks_, 0);
-    std::size_t rest = 0, longest = 0;
-    for (std::size_t a = 0; a < actions_.size(); ++a) {
-      longest = std::max(longest, actions_[a].size() - placed(node, a));
-      for (std::size_t k = placed(node, a); k < actions_[a].size(); ++k) {
-        rest += count_new(actions_[a][k], seen);
-      }
-    }
-    node.entries_bound = node.entries + rest;
-    node.levels_bound = node.moves.size() + longest;
+    return i > j;
   }
 
-  std::vector<ActionLevels> actions_;
-  std::size_t tasks_;
+  /// Every task still to come needs an entry, every part with a conflict one more, and the longest
+  /// rest its levels.
+  Node on_top_of(const Node& below, std::size_t parent, Level level, State placed) const {
+    const Parts parts = divide(placed);
+    const auto conflicts = std::count(parts.conflicts.begin(), parts.conflicts.end(), true);
+    std::size_t longest = 0;
+    for (std::size_t a = 0; a < actions_.size(); ++a) {
+      longest = std::max(longest, actions_[a].levels.size() - placed[a]);
+    }
+    Node node;
+    node.entries = below.entries + level.size();
+    node.levels = below.levels + 1;
+    node.entries_bound = node.entries + parts.visits + static_cast<std::size_t>(conflicts);
+    node.levels_bound = node.levels + longest;
+    node.parent = parent;
+    node.level = std::move(level);
+    node.placed = std::move(placed);
+    return node;
+  }
+
+  Parts divide(const State& placed) const {
+    Parts parts;
+    parts.part_of.assign(found_.size(), none);
+    parts.visit = parts.part_of;
+    for (std::size_t a = 0; a < actions_.size(); ++a) {
+      std::size_t before = none;
+      for (std::size_t k = placed[a]; k < actions_[a].levels.size(); ++k) {
+        const std::size_t task = *actions_[a].levels[k].begin();
+        if (parts.visit[task] == none) visit(task, placed, parts);
+        const std::size_t part = parts.part_of[task];
+        if (k > placed[a]) parts.waits[part] = true;
+        if (part == before) parts.conflicts[part] = true;
+        before = part;
+      }
+    }
+    return parts;
+  }
+  /// Goes from `task` to those of its levels and of the next ones. Returns the earliest visit that
+  /// it comes back to.
+  std::size_t visit(std::size_t task, const State& placed, Parts& parts) const {
+    std::size_t earliest = parts.visit[task] = parts.visits++;
+    parts.stack.push_back(task);
+    for (const auto& [a, first] : found_[task]) {
+      if (first < placed[a]) continue;
+      for (std::size_t k = first; k < std::min(first + 2, actions_[a].levels.size()); ++k) {
+        for (const std::size_t other : actions_[a].levels[k]) {
+          if (parts.visit[other] == none) {
+            earliest = std::min(earliest, visit(other, placed, parts));
+          } else if (parts.part_of[other] == none) {
+            earliest = std::min(earliest, parts.visit[other]);
+          }
+        }
+      }
+    }
+    if (earliest != parts.visit[task]) return earliest;
+    while (parts.part_of[task] == none) {
+      parts.part_of[parts.stack.back()] = parts.waits.size();
+      parts.stack.pop_back();
+    }
+    parts.waits.push_back(false);
+    parts.conflicts.push_back(false);
+    return earliest;
+  }
+
+  /// Names the two actions that order most pairs of tasks differently.
+  [[noreturn]] [[gnu::cold]] void give_up() const {
+    std::vector<Counts> rank(actions_.size(), Counts(found_.size(), 0));  // 0: not in the action
+    for (std::size_t task = 0; task < found_.size(); ++task) {
+      for (const auto& [a, k] : found_[task]) rank[a][task] = k + 1;
+    }
+    std::size_t most = 0, first = 0, second = 0;
+    for (std::size_t a = 0; a < rank.size(); ++a) {
+      for (std::size_t b = a + 1; b < rank.size(); ++b) {
+        const Counts &in_a = rank[a], &in_b = rank[b];
+        std::size_t count = 0;
+        for (std::size_t t = 0; t < found_.size(); ++t) {
+          for (std::size_t u = 0; u < found_.size(); ++u) {
+            if (in_a[t] && in_b[u] && in_a[t] < in_a[u] && in_b[t] >= in_b[u]) ++count;
+          }
+        }
+        if (count > most) most = count, first = a, second = b;
+      }
+    }
+    invalid("unified_hierarchy: the orders conflict too much for a shortest list, most of all '",
+            actions_[first].name, "' and '", actions_[second].name, "'; use fewer actions");
+  }
+
+  std::vector<NumberedAction> all_;
+  std::vector<NumberedAction> actions_;  ///< those to search over, the lowest level first
+  /// Of each task, where it stands in `actions_`: action and level.
+  std::vector<std::vector<std::pair<std::size_t, std::size_t>>> found_;
 };
 
 template <Robot R>
 [[gnu::cold]] void check_actions(const std::vector<Action<R>>& actions) {
   if (actions.empty()) invalid("unified_hierarchy: there are no actions");
-  // The search tries every subset of the actions at every step.
-  constexpr std::size_t most = 16, most_levels = 255;
-  if (actions.size() > most) {
-    invalid("unified_hierarchy: at most ", most, " actions, got ", actions.size());
-  }
+  constexpr std::size_t most_levels = 255;
   std::set<std::string> names;
   for (const auto& action : actions) {
     if (!names.insert(action.name).second) {
@@ -173,39 +299,37 @@ template <Robot R>
 
 /// The order in which the actions' levels are placed, see `HierarchySearch::solve`.
 template <Robot R>
-[[gnu::cold]] std::vector<std::size_t> place_levels(const std::vector<Action<R>>& actions) {
-  std::vector<const void*> tasks;  // A task's number is its index here.
-  std::vector<ActionLevels> numbered;
+[[gnu::cold]] std::vector<std::vector<bool>> place_levels(const std::vector<Action<R>>& actions) {
+  std::map<const void*, std::size_t> numbers;
+  std::vector<NumberedAction> numbered;
   for (const auto& action : actions) {
-    ActionLevels& levels = numbered.emplace_back();
+    auto& levels = numbered.emplace_back(NumberedAction{action.name, {}}).levels;
     for (const auto& level : action.levels) {
-      std::vector<std::size_t>& numbers = levels.emplace_back();
+      levels.emplace_back();
       for (const Task<R>& task : level) {
-        const auto found = std::find(tasks.begin(), tasks.end(), &task);
-        numbers.push_back(static_cast<std::size_t>(found - tasks.begin()));
-        if (found == tasks.end()) tasks.push_back(&task);
+        levels.back().insert(numbers.try_emplace(&task, numbers.size()).first->second);
       }
     }
   }
-  return HierarchySearch(std::move(numbered), tasks.size()).solve();
+  return HierarchySearch(std::move(numbered), numbers.size()).solve();
 }
 
 }  // namespace detail
 
-/// The shortest unified list of up to 16 actions. Fast where their orders agree; grows with the
-/// number of conflicts, and gives up with an exception rather than take minutes. For configuration,
-/// not for the control step. Allocates.
+/// The shortest unified list of the actions. Fast wherever their orders agree, however many they
+/// are; grows with the conflicts, and gives up with an exception rather than take minutes. For
+/// configuration, not for the control step. Allocates.
 /// @throws std::invalid_argument on no actions, two of the same name, an empty level, more than 255
-///         levels, or a task that stands twice in one action.
+///         levels, a task that stands twice in one action, or orders that conflict too much.
 template <Robot R>
 [[gnu::cold]] UnifiedHierarchy<R> unified_hierarchy(const std::vector<Action<R>>& actions) {
   detail::check_actions(actions);
   UnifiedHierarchy<R> levels;
   std::vector<std::size_t> placed(actions.size(), 0);
-  for (const std::size_t move : detail::place_levels(actions)) {
+  for (const std::vector<bool>& move : detail::place_levels(actions)) {
     auto& level = levels.emplace_back();
     for (std::size_t a = 0; a < actions.size(); ++a) {
-      if (!((move >> a) & 1)) continue;
+      if (!move[a]) continue;
       for (Task<R>& task : actions[a].levels[placed[a]++]) {
         std::size_t i = 0;
         while (i < level.size() && level[i].task != &task) ++i;

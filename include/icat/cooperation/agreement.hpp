@@ -16,7 +16,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <vector>
 
 #include "icat/cooperation/fusion.hpp"
@@ -38,9 +37,9 @@ struct AgreementOptions {
   std::size_t index{0};                                 ///< which of them this one is
   FusionPolicy<Scalar> policy{fusion::mean<Scalar>()};  ///< f of Eq. (29)
   bool spans{false};                                    ///< exchange them, see fusion.hpp
-  Scalar hold{1};                                       ///< s, > 0
+  double hold{1};                                       ///< s, > 0
   Fallback fallback{Fallback::stop};                    ///< after that
-  Scalar fade{1};                                       ///< s, > 0: into the fallback and back
+  double fade{1};                                       ///< s, > 0: into the fallback and back
 };
 
 /// See the file comment. Time is the caller's.
@@ -76,6 +75,8 @@ class Agreement {
     return status;
   }
 
+  /// There is nothing to send until the next proposal.
+  void withdraw() noexcept { proposed_ = false; }
   /// The proposal as bytes, to be sent to all the others now, as this agent's part of `round`: 24,
   /// 4 more with difficulties, 144 more with spans. Valid until the next `propose`; empty where
   /// there is none.
@@ -95,7 +96,7 @@ class Agreement {
 
   /// The tool velocity to command at `time`, components on ⟨t⟩. Always finite; a time that is not,
   /// or runs backwards, changes nothing.
-  const Vector6<Scalar>& update(Scalar time) noexcept {
+  const Vector6<Scalar>& update(double time) noexcept {
     if (!std::isfinite(time) || time < last_time_) return velocity_;
     last_time_ = time;
     if (fresh_) agreed_until_ = time + options_.hold;
@@ -109,7 +110,7 @@ class Agreement {
     const Vector6<Scalar>& target = agreed_                                ? fused_
                                     : options_.fallback == Fallback::alone ? own_
                                                                            : zero_;
-    const Scalar s = smooth_step((time - begin_) / options_.fade);
+    const Scalar s = static_cast<Scalar>(smooth_step((time - begin_) / options_.fade));
     const Vector6<Scalar> next = (Scalar(1) - s) * from_ + s * target;
     if (next.allFinite()) velocity_ = next;
     return velocity_;
@@ -193,9 +194,7 @@ class Agreement {
   const Vector6<Scalar> zero_{Vector6<Scalar>::Zero()};
   Vector6<Scalar> own_{zero_}, fused_{zero_}, velocity_{zero_}, from_{zero_};
   long long fused_round_{-1};
-  Scalar agreed_until_{-std::numeric_limits<Scalar>::infinity()};
-  Scalar begin_{-std::numeric_limits<Scalar>::infinity()};
-  Scalar last_time_{-std::numeric_limits<Scalar>::infinity()};
+  double agreed_until_{-infinity<double>}, begin_{-infinity<double>}, last_time_{-infinity<double>};
   bool agreed_{false}, proposed_{false}, fresh_{false};
 };
 

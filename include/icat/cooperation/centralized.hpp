@@ -3,6 +3,9 @@
 /// The centralised baseline of [Coop, IV]: one solver for all robots that hold the object.
 ///
 ///     ẏ = [ẏ_1; …; ẏ_N],   G = [J_1 −J_2 ; J_2 −J_3 ; …],   G ẏ = 0     [Coop, Eq. (27)]
+///
+/// with J_i of the shared frame, components on itself,
+///
 ///     Q₀ = I − a Gᵀ (G Gᵀ)⁻¹ G
 ///
 /// `a` = 1 starts the iteration from the projector onto ker(G); between 0 and 1 the grasp's
@@ -13,20 +16,24 @@
 #include <memory>
 #include <vector>
 
-#include "icat/control/controller.hpp"
-#include "icat/model/uvms.hpp"
+#include "icat/action/level_stack.hpp"
+#include "icat/math/spatial_algebra.hpp"
+#include "icat/tpik/tpik.hpp"
 
 namespace icat {
 
 /// See the file comment. After construction nothing allocates or throws.
-template <VehicleManipulator R, class Regularization = BellRegularization<typename R::Scalar>>
+template <FramedRobot R, class Regularization = BellRegularization<typename R::Scalar>>
 class CentralizedController {
  public:
   /// Scalar type.
   using Scalar = typename R::Scalar;
+  /// ẏ of one robot.
+  using Velocity = Vector<Scalar, R::size>;
   /// One robot and its actions; refers to a robot and tasks of the caller's.
   struct Member {
-    std::reference_wrapper<const R> robot;  ///< its tool frame is the object's
+    std::reference_wrapper<const R> robot;  ///< the caller's
+    FrameId tool;                           ///< its frame that is the object's
     std::vector<Action<R>> actions;         ///< the same names for all robots
   };
   /// Options of the solver; velocity bounds are those of one robot.
@@ -38,8 +45,16 @@ class CentralizedController {
       : tpik_(total_dof(members), stacked(options, members)) {
     if (members.size() < 2) detail::invalid("CentralizedController: needs at least two robots");
     for (const auto& m : members) {
-      robots_.push_back(&m.robot.get());
-      parts_.push_back(std::make_unique<Controller<R, Regularization>>(m.robot.get(), m.actions));
+      tools_.push_back(m.tool);
+      velocities_.push_back(detail::zeros<Velocity>(m.robot.get().dof()));
+      parts_.push_back(std::make_unique<LevelStack<R>>(m.robot.get(), m.actions));
+      for (const auto& action : m.actions) {
+        if (parts_.front()->has(action.name) && m.actions.size() == members[0].actions.size()) {
+          continue;
+        }
+        detail::invalid("CentralizedController: all robots need the same actions, robot ",
+                        parts_.size() - 1, " has '", action.name, "'");
+      }
       if (parts_.back()->levels().size() != parts_.front()->levels().size()) {
         detail::invalid("CentralizedController: hierarchies of ", parts_.front()->levels().size(),
                         " and ", parts_.back()->levels().size(), " levels");
@@ -57,24 +72,24 @@ class CentralizedController {
     rho0_ = Rows::Zero(n);
   }
 
-  /// As `Controller::start`, for all.
-  Status start(std::string_view action, Scalar time) noexcept {
+  /// As `Controller::start`, for all; a refusal changes nothing.
+  Status start(std::string_view action, double time) noexcept {
     return all([&](auto& part) { return part.start(action, time); });
   }
-  /// As `Controller::switch_to`, for all.
-  Status switch_to(std::string_view action, Scalar time, Scalar duration) noexcept {
+  /// As `Controller::switch_to`, for all; a refusal changes nothing.
+  Status switch_to(std::string_view action, double time, double duration) noexcept {
     return all([&](auto& part) { return part.switch_to(action, time, duration); });
   }
 
   /// One control cycle. `firmness` a in [0, 1]: 1 while the object is held, 0 without it.
-  Status step(Scalar time, Scalar firmness) noexcept {
+  Status step(double time, Scalar firmness) noexcept {
     if (!(firmness >= Scalar(0) && firmness <= Scalar(1))) return Status::activation_out_of_range;
     Status status = all([&](auto& part) { return part.update(time); });
     if (status != Status::ok) return status;
     form_start(firmness);
     status = tpik_.reset(rho0_, Q0_);
     for (std::size_t k = 0; k < levels_.size() && status == Status::ok; ++k) {
-      Level& level = levels_[k];
+      auto& level = levels_[k];
       Index row = 0, column = 0;
       for (std::size_t i = 0; i < parts_.size(); ++i) {
         const auto& own = parts_[i]->levels()[k];
@@ -88,19 +103,19 @@ class CentralizedController {
       status = tpik_.add_level(level.jacobian, level.activation, level.reference);
     }
     const Status closing = tpik_.minimize_velocity();
+    Index from = 0;
+    for (auto& velocity : velocities_) {
+      for (Index c = 0; c < velocity.size(); ++c) velocity(c) = tpik_.velocity()(from++);
+    }
     return status == Status::ok ? closing : status;
   }
 
   /// ẏ of robot `index` [q̇; v̄].
-  auto velocity(std::size_t index) const noexcept {
-    Index begin = 0;
-    for (std::size_t i = 0; i < index; ++i) begin += robots_[i]->dof();
-    return tpik_.velocity().segment(begin, robots_[index]->dof());
-  }
+  const Velocity& velocity(std::size_t index) const noexcept { return velocities_[index]; }
   /// Numbers that go between a robot and whoever solves for all, in the last cycle: Jacobian,
   /// reference and activation of each row that is active, the tool's Jacobian, and ẏ back.
   std::size_t exchanged_numbers(std::size_t index) const noexcept {
-    const auto n = static_cast<std::size_t>(robots_[index]->dof());
+    const auto n = static_cast<std::size_t>(robot(index).dof());
     std::size_t numbers = 6 * n + n;
     for (const auto& level : parts_[index]->levels()) {
       for (Index i = 0; i < level.activation.size(); ++i) {
@@ -116,10 +131,6 @@ class CentralizedController {
   using Matrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
   using Rows = Vector<Scalar, Eigen::Dynamic>;
   using Solver = Tpik<Scalar, Eigen::Dynamic, Regularization>;
-  struct Level {
-    Matrix jacobian;
-    Rows activation, reference;
-  };
 
   static Index total_dof(const std::vector<Member>& members) {
     Index n = 0;
@@ -153,13 +164,16 @@ class CentralizedController {
   void form_start(Scalar firmness) noexcept {
     detail::fill(G_, Scalar(0));
     Index column = 0;
-    for (std::size_t i = 0; i < robots_.size(); ++i) {
-      const auto& J = robots_[i]->tool_jacobian(Frame::tool);
+    for (std::size_t i = 0; i < parts_.size(); ++i) {
+      const auto& J = robot(i).jacobian(tools_[i]);
+      const Matrix3<Scalar> R_t = detail::rotation(Pose<Scalar>(robot(i).pose(tools_[i])));
       const Index row = 6 * static_cast<Index>(i);
       for (Index c = 0; c < J.cols(); ++c) {
-        for (Index r = 0; r < 6; ++r) {
-          if (i + 1 < robots_.size()) G_(row + r, column + c) = J(r, c);
-          if (i > 0) G_(row - 6 + r, column + c) = -J(r, c);
+        for (Index part = 0; part < 6; part += 3) {
+          const Vector3<Scalar> x = detail::transposed_times(R_t, detail::column3(J, part, c));
+          if (i + 1 < parts_.size()) detail::set_column3(G_, row + part, column + c, x);
+          if (i == 0) continue;
+          detail::set_column3(G_, row - 6 + part, column + c, detail::scaled(x, Scalar(-1)));
         }
       }
       column += J.cols();
@@ -191,12 +205,15 @@ class CentralizedController {
     return kept;
   }
 
-  std::vector<const R*> robots_;
-  std::vector<std::unique_ptr<Controller<R, Regularization>>> parts_;
+  const R& robot(std::size_t i) const noexcept { return parts_[i]->robot(); }
+
+  std::vector<FrameId> tools_;
+  std::vector<std::unique_ptr<LevelStack<R>>> parts_;
   Solver tpik_;
-  std::vector<Level> levels_;
+  std::vector<Level<Scalar, Eigen::Dynamic>> levels_;
   Matrix G_, Q0_;
   Rows rho0_;
+  std::vector<Velocity> velocities_;
 };
 
 }  // namespace icat

@@ -12,12 +12,14 @@ enum class [[nodiscard]] Status{
     non_finite,               ///< NaN or infinity in the input
     wrong_size,               ///< rows or columns do not match
     activation_out_of_range,  ///< an activation outside [0, 1]
+    out_of_range,             ///< a setting outside its range
     not_a_rotation,           ///< a rotation matrix that is none
     numerical_failure,        ///< finite input, but its products overflow the scalar type
     time_reversed,            ///< the caller's time is before the previous one
     invalid_duration,         ///< a transition must take a finite time > 0
     not_started,              ///< no action has been started yet
     unknown_action,           ///< no action of that name or index
+    unknown_joint,            ///< no joint or column of that name or index
     unknown_agent,            ///< no other agent of that index
 };
 
@@ -32,6 +34,8 @@ constexpr const char* describe(Status status) noexcept {
       return "wrong size of Jacobian, activation or reference";
     case Status::activation_out_of_range:
       return "activation outside [0, 1]";
+    case Status::out_of_range:
+      return "a setting outside its range";
     case Status::not_a_rotation:
       return "a rotation matrix that is not orthonormal";
     case Status::numerical_failure:
@@ -44,6 +48,8 @@ constexpr const char* describe(Status status) noexcept {
       return "no action has been started";
     case Status::unknown_action:
       return "unknown action";
+    case Status::unknown_joint:
+      return "unknown joint";
     case Status::unknown_agent:
       return "unknown agent";
   }

@@ -195,7 +195,13 @@ class SpectralInverse {
   /// `rows` + k elements, and one more with every step.
   template <class Regularization>
   bool deflate(const Regularization& f, Index rows) noexcept {
-    const Scalar nothing = scale_ * std::numeric_limits<Scalar>::epsilon();
+    // What a step leaves of rounding, ε ‖T‖; the largest diagonal element of S may be smaller.
+    Scalar norm(0);
+    for (Index i = 0; i < size_; ++i) {
+      norm = std::max(norm, std::abs(diagonal_(i)) + (i > 0 ? std::abs(sub_(i - 1)) : Scalar(0)) +
+                                (i + 1 < size_ ? std::abs(sub_(i)) : Scalar(0)));
+    }
+    const Scalar nothing = norm * std::numeric_limits<Scalar>::epsilon();
     Index left = below_;
     Index end = size_ - 1;
     // LAPACK's bound: 30 steps for each eigenvalue; about 1.7 are needed.

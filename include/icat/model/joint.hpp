@@ -74,11 +74,13 @@ struct DhRow {
   Scalar upper{infinity<Scalar>};       ///< rad or m
 };
 
-/// Joints "joint1", …, links "link1", …, on `root`. Allocates.
+/// Joints "joint1", …, links "link1", …, all with `prefix` before their names, on the link `root`.
+/// Allocates.
 template <class Scalar>
 [[gnu::cold]] std::vector<Joint<Scalar>> dh_chain(const std::vector<DhRow<Scalar>>& rows,
                                                   DhConvention convention,
-                                                  const std::string& root = "base") {
+                                                  const std::string& root = "base",
+                                                  const std::string& prefix = "") {
   const Vector3<Scalar> x(Scalar(1), Scalar(0), Scalar(0)), z(Scalar(0), Scalar(0), Scalar(1));
   const Vector3<Scalar> none(Scalar(0), Scalar(0), Scalar(0));
   std::vector<Joint<Scalar>> joints;
@@ -89,7 +91,7 @@ template <class Scalar>
         detail::make_pose(axis_rotation<Scalar>(z, row.theta), detail::scaled<Scalar>(z, row.d));
     const Pose<Scalar> along_x =
         detail::make_pose(axis_rotation<Scalar>(x, row.alpha), detail::scaled<Scalar>(x, row.a));
-    Joint<Scalar> joint{"joint" + number, parent, "link" + number, row.type};
+    Joint<Scalar> joint{prefix + "joint" + number, parent, prefix + "link" + number, row.type};
     if (convention == DhConvention::standard) {
       joint.link_pose = detail::compose(along_z, along_x);
     } else {
@@ -120,18 +122,20 @@ struct SerialArm {
   Pose<Scalar> end_effector = IdentityPose{};  ///< ⟨e⟩ in the base at q = 0
 };
 
-/// Joints "joint1", …, links "link1", … on `root`. At q = 0 every link's frame is parallel to the
-/// root's, its origin the point of its joint. The last one is "end_effector", fixed. Allocates.
+/// Joints "joint1", …, links "link1", …, all with `prefix` before their names, on the link `root`.
+/// At q = 0 every link's frame is parallel to the root's, its origin the point of its joint. The
+/// last one is "end_effector", fixed. Allocates.
 template <class Scalar, int Dof>
 [[gnu::cold]] std::vector<Joint<Scalar>> axes_chain(const SerialArm<Scalar, Dof>& arm,
-                                                    const std::string& root = "base") {
+                                                    const std::string& root = "base",
+                                                    const std::string& prefix = "") {
   const Matrix3<Scalar> parallel = detail::identity<Matrix3<Scalar>>(3);
   std::vector<Joint<Scalar>> joints;
   Vector3<Scalar> before(Scalar(0), Scalar(0), Scalar(0));
   std::string parent = root;
   for (const JointAxis<Scalar>& at : arm.joints) {
     const std::string number = std::to_string(joints.size() + 1);
-    Joint<Scalar> joint{"joint" + number, parent, "link" + number, at.type};
+    Joint<Scalar> joint{prefix + "joint" + number, parent, prefix + "link" + number, at.type};
     joint.origin = detail::make_pose(parallel, detail::minus(at.point, before));
     joint.axis = at.axis;
     joint.lower = at.lower;
@@ -140,7 +144,8 @@ template <class Scalar, int Dof>
     parent = joint.link;
     joints.push_back(std::move(joint));
   }
-  Joint<Scalar> tip{"end_effector", parent, "end_effector", JointType::fixed};
+  const std::string end = prefix + "end_effector";
+  Joint<Scalar> tip{end, parent, end, JointType::fixed};
   tip.origin = detail::make_pose(detail::rotation(arm.end_effector),
                                  detail::minus(detail::origin(arm.end_effector), before));
   joints.push_back(std::move(tip));

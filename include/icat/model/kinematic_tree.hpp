@@ -199,14 +199,17 @@ class KinematicTree {
   struct Body {
     Index parent{-1};
     bool turns{true};
-    Pose<Scalar> origin;         // of the joint's frame in the parent body
-    Vector3<Scalar> local_axis;  // on the joint's frame
-    Index column{-1};            // −1: the root
+    Pose<Scalar> origin = IdentityPose{};  // of the joint's frame in the parent body
+    Vector3<Scalar> local_axis{Scalar(0), Scalar(0), Scalar(1)};  // on the joint's frame
+    Index column{-1};                                             // −1: the root
     Scalar multiplier{1}, offset{0};
     Scalar mass{0};
-    Vector3<Scalar> mass_center;  // mass × centre of mass, on the body
-    Pose<Scalar> pose;            // in ⟨0⟩, as the next two
-    Vector3<Scalar> axis, point;
+    // mass × centre of mass, on the body
+    Vector3<Scalar> mass_center{Scalar(0), Scalar(0), Scalar(0)};
+    // In ⟨0⟩.
+    Pose<Scalar> pose = IdentityPose{};
+    Vector3<Scalar> axis{Scalar(0), Scalar(0), Scalar(0)};
+    Vector3<Scalar> point{Scalar(0), Scalar(0), Scalar(0)};
   };
   struct Frame {
     std::string name;
@@ -359,8 +362,6 @@ class KinematicTree {
 
   [[gnu::cold]] void build(const Description& description) {
     bodies_.emplace_back();
-    bodies_[0].pose = detail::identity_pose<Scalar>();
-    bodies_[0].mass_center = Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0));
     frames_.push_back({find_root(description), 0, detail::identity_pose<Scalar>(), {}, 0});
     const auto& all = description.joints;
     std::vector<bool> placed(all.size(), false);
@@ -405,7 +406,6 @@ class KinematicTree {
     b.turns = joint.type != JointType::prismatic;
     b.origin = origin;
     b.local_axis = detail::scaled(joint.axis, Scalar(1) / detail::norm(joint.axis));
-    b.mass_center = Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0));
     const Index index = static_cast<Index>(bodies_.size());
     if (!joint.mimic) {
       for (const auto& other : joints_) {

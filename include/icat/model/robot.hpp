@@ -107,7 +107,7 @@ concept MassiveRobot = Robot<R> && requires(const R& robot) {
 class Columns {
  public:
   /// None.
-  Columns() = default;
+  Columns() {}  // not defaulted: see `infinity`
   /// These.
   explicit Columns(std::vector<Index> indices) : indices_(std::move(indices)) {}
   /// A block.

@@ -4,7 +4,7 @@
 #pragma once
 
 #include <functional>
-#include <limits>
+#include <type_traits>
 
 #include "icat/task/task.hpp"
 
@@ -12,54 +12,55 @@ namespace icat::task {
 
 /// One or more scalars x(c) with their Jacobian, and one objective for all of them.
 template <Robot R>
-class FunctionTask : public Task<R> {
+class FunctionTask : public ReactiveTask<R> {
  public:
   /// Scalar type.
   using Scalar = typename R::Scalar;
-  using typename Task<R>::Jacobian;
-  using typename Task<R>::Rows;
-  /// Fills x (rows) and J (rows × dof; zero at the first call, then as it was left). Called in the
-  /// control step: must not throw, should not allocate. If it resizes either, the level is refused.
-  using Function = std::function<void(const R& robot, Rows& x, Jacobian& J)>;
+  /// x, rows: a block of fixed size.
+  using Values = Eigen::Map<Vector<Scalar, Eigen::Dynamic>>;
+  /// J, rows × dof: a block of fixed size; zero at the first call, then as it was left.
+  using Block = Eigen::Map<JacobianMatrix<Scalar, R::size>>;
+  /// Fills x and J. Called in the control step: must not throw, should not allocate.
+  using Function = std::function<void(const R& robot, Values x, Block J)>;
   /// Settings, with defaults.
   struct Options {
-    /// What errors and logs call it.
-    std::string name;
-    /// Number of rows.
-    Index rows{1};
-    /// Fills x and J.
-    Function evaluate;
-    /// Of every row.
-    Objective<Scalar> objective;
-    /// γ, 1/s, > 0.
-    Scalar gain{1};
-    Scalar max_rate{std::numeric_limits<Scalar>::infinity()};  ///< of each row
+    std::string name = "function";      ///< in errors and logs
+    Index rows{1};                      ///< number of scalars
+    Scalar gain{1};                     ///< γ, 1/s
+    Scalar max_rate{infinity<Scalar>};  ///< of each row
   };
 
-  /// @throws std::invalid_argument on settings out of range. Allocates.
-  FunctionTask(const R& robot, Options options)
-      : Task<R>(options.name, options.rows, robot.dof()),
-        options_(options),
-        x_(Rows::Zero(options.rows)) {
-    this->require_gain(options.gain);
+  /// @throws std::invalid_argument on settings out of range or an empty function. Allocates.
+  FunctionTask(const R& robot, const Objective<Scalar>& objective,
+               std::type_identity_t<Function> function)
+      : FunctionTask(robot, objective, std::move(function), Options{}) {}
+  /// The same with options.
+  FunctionTask(const R& robot, const Objective<Scalar>& objective,
+               std::type_identity_t<Function> function, Options options)
+      : ReactiveTask<R>(robot, options.name, options.rows, options.gain),
+        objective_(objective),
+        function_(std::move(function)),
+        max_rate_(options.max_rate),
+        x_(detail::zeros<Vector<Scalar, Eigen::Dynamic>>(options.rows)) {
     this->require_rate("max_rate", options.max_rate);
-    if (!options.evaluate) detail::invalid("task '", options.name, "': evaluate is empty");
+    if (!function_) detail::invalid("task '", options.name, "': the function is empty");
   }
+  /// Another objective. Its construction throws on bad numbers, so build it outside the loop.
+  void set_objective(const Objective<Scalar>& objective) noexcept { objective_ = objective; }
+  /// x of the last update.
+  const Vector<Scalar, Eigen::Dynamic>& values() const noexcept { return x_; }
 
  private:
-  void compute(const R& robot) noexcept override {
-    options_.evaluate(robot, x_, this->jacobian_);
-    if (x_.size() != this->rows()) {  // The lambda resized it: the solver is to refuse the level.
-      this->reference_.setConstant(std::numeric_limits<Scalar>::quiet_NaN());
-      return;
-    }
-    for (Index i = 0; i < this->rows(); ++i) {
-      this->set_scalar(i, x_(i), options_.objective, options_.gain, options_.max_rate);
-    }
+  void compute() noexcept override {
+    auto& J = this->jacobian_;
+    function_(this->robot(), Values(x_.data(), x_.size()), Block(J.data(), J.rows(), J.cols()));
+    for (Index i = 0; i < this->rows(); ++i) this->set_scalar(i, x_(i), objective_, max_rate_);
   }
 
-  Options options_;
-  Rows x_;
+  Objective<Scalar> objective_;
+  Function function_;
+  Scalar max_rate_;
+  Vector<Scalar, Eigen::Dynamic> x_;
 };
 
 }  // namespace icat::task

@@ -1,172 +1,286 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// Tasks of the arm alone: joint limits, manipulability, preferred shape, arm motion minimality.
+/// Tasks of joints alone: away from their limits, to a position.
+///
+///     e_j = q*_j − q_j, for a continuous joint wrapped to [−π, π] and faded out at π
 #pragma once
 
-#include <limits>
+#include <cmath>
+#include <numbers>
 #include <optional>
 #include <vector>
 
-#include "icat/math/spatial_algebra.hpp"
+#include "icat/math/rigid_motion.hpp"
 #include "icat/task/task.hpp"
 
-namespace icat::task {
+namespace icat {
+
+/// One number for all joints of a task, or one for each.
+template <class Scalar>
+class PerJoint {
+ public:
+  /// For all.
+  PerJoint(Scalar value) : values_{value}, for_all_(true) {}  // NOLINT: converts on purpose
+  /// For each, in the task's order of joints; a single one is for all.
+  PerJoint(std::initializer_list<Scalar> values) : PerJoint(std::vector<Scalar>(values)) {}
+  /// The same.
+  PerJoint(std::vector<Scalar> values)  // NOLINT: converts on purpose
+      : values_(std::move(values)), for_all_(values_.size() == 1) {}
+
+  /// Whether it is one number for all.
+  bool for_all() const noexcept { return for_all_; }
+  /// How many numbers there are.
+  Index size() const noexcept { return static_cast<Index>(values_.size()); }
+  /// Of joint `i` of the task.
+  Scalar operator[](Index i) const noexcept {
+    return values_[for_all_ ? 0 : static_cast<std::size_t>(i)];
+  }
+
+ private:
+  std::vector<Scalar> values_;
+  bool for_all_;
+};
+
+namespace detail {
+
+/// A task with a row for each of some joints.
+template <JointedRobot R>
+class JointTask : public ReactiveTask<R> {
+ public:
+  using Scalar = typename R::Scalar;
+
+ protected:
+  JointTask(const R& robot, const std::string& name, const std::vector<std::string>& joints,
+            bool one_row, Scalar gain)
+      : ReactiveTask<R>(robot, name, one_row ? 1 : count(robot, name, joints), gain),
+        joints_(joint_indices(robot, joints)) {
+    for (const Index i : joints_) columns_.push_back(info(i).column);
+  }
+  /// @throws std::invalid_argument on another number than one or one for each joint, or below 0.
+  void check(const char* what, const PerJoint<Scalar>& values) const {
+    if (!values.for_all() && values.size() != joint_count()) {
+      invalid("task '", this->name(), "': ", what, " has ", values.size(), " numbers for ",
+              joint_count(), " joints");
+    }
+    for (Index k = 0; k < values.size(); ++k) {
+      if (!(values[k] > Scalar(0))) {
+        invalid("task '", this->name(), "': ", what, " of ",
+                values.for_all() ? std::string("all joints") : "joint '" + joint(k).name + "'",
+                " must be > 0, got ", values[k]);
+      }
+    }
+  }
+  Index joint_count() const noexcept { return static_cast<Index>(joints_.size()); }
+  /// The k-th joint of the task.
+  decltype(auto) joint(Index k) const noexcept {
+    return info(joints_[static_cast<std::size_t>(k)]);
+  }
+  Index column(Index k) const noexcept { return columns_[static_cast<std::size_t>(k)]; }
+  Scalar position(Index k) const noexcept {
+    return this->robot().position(joints_[static_cast<std::size_t>(k)]);
+  }
+
+ private:
+  decltype(auto) info(Index i) const noexcept {
+    return this->robot().joints()[static_cast<std::size_t>(i)];
+  }
+  // Before there is a task, so that the message has its name.
+  static Index count(const R& robot, const std::string& name,
+                     const std::vector<std::string>& joints) {
+    const Index n = static_cast<Index>(joint_indices(robot, joints).size());
+    if (n == 0) invalid("task '", name, "': the robot has no joints");
+    return n;
+  }
+
+  std::vector<Index> joints_, columns_;
+};
+
+}  // namespace detail
+
+namespace task {
 
 /// q_m ≤ q ≤ q_M for every joint [Coop, Eq. (10)], in the component form with the two activations
-/// summed [Coop, III-C]. The limits are the arm's; a joint without limits is never active.
-template <VehicleManipulator R>
-class JointLimits : public Task<R> {
+/// summed [Coop, III-C]. A joint without limits is never active.
+template <JointedRobot R>
+class JointLimits : public detail::JointTask<R> {
  public:
   /// Scalar type.
   using Scalar = typename R::Scalar;
   /// Settings, with defaults.
   struct Options {
-    /// What errors and logs call it.
-    std::string name = "joint limits";
-    Scalar margin{static_cast<Scalar>(0.1)};                   ///< β, rad or m
-    Scalar gain{1};                                            ///< γ, 1/s
-    Scalar max_rate{std::numeric_limits<Scalar>::infinity()};  ///< rad/s, m/s
+    std::string name = "joint limits";  ///< in errors and logs
+    /// By name; none: all.
+    std::vector<std::string> joints = std::initializer_list<std::string>{};
+    /// β, rad or m. One for all is at most a quarter of each joint's range; one for each is taken
+    /// as it is, and refused where there is no room.
+    PerJoint<Scalar> margin = static_cast<Scalar>(0.1);
+    Scalar gain{1};                                ///< γ, 1/s
+    PerJoint<Scalar> max_rate = infinity<Scalar>;  ///< rad/s, m/s
   };
 
+  /// Of all joints, with a margin of 0.1.
   /// @throws std::invalid_argument on settings out of range. Allocates.
   explicit JointLimits(const R& robot) : JointLimits(robot, Options{}) {}
-  /// @throws std::invalid_argument on settings out of range. Allocates.
+  /// @throws std::invalid_argument on settings out of range, or joints that there are not.
+  /// Allocates.
   JointLimits(const R& robot, Options options)
-      : Task<R>(options.name, robot.arm_dof(), robot.dof()), options_(options) {
-    this->require_gain(options.gain);
-    this->require_rate("max_rate", options.max_rate);
-    for (Index i = 0; i < robot.arm_dof(); ++i) {
-      this->jacobian_(i, i) = Scalar(1);
-      objectives_.push_back(Objective<Scalar>::between(
-          robot.arm().lower_limits()(i), robot.arm().upper_limits()(i), options.margin));
+      : detail::JointTask<R>(robot, options.name, options.joints, false, options.gain),
+        max_rate_(options.max_rate) {
+    this->check("margin", options.margin);
+    this->check("max_rate", options.max_rate);
+    for (Index k = 0; k < this->joint_count(); ++k) {
+      const auto& joint = this->joint(k);
+      Scalar margin = options.margin[k];
+      const Scalar quarter = (joint.upper - joint.lower) / Scalar(4);
+      if (options.margin.for_all()) {
+        margin = std::min(margin, quarter);
+      } else if (!(margin < Scalar(2) * quarter)) {
+        detail::invalid("task '", this->name(), "': a margin of ", margin, " leaves joint '",
+                        joint.name, "' no room in [", joint.lower, ", ", joint.upper, "]");
+      }
+      objectives_.push_back(Objective<Scalar>::between(joint.lower, joint.upper, margin));
+      this->jacobian_(k, this->column(k)) = Scalar(1);
     }
   }
 
  private:
-  void compute(const R& robot) noexcept override {
-    for (Index i = 0; i < this->rows(); ++i) {
-      this->set_scalar(i, robot.q()(i), objectives_[static_cast<std::size_t>(i)], options_.gain,
-                       options_.max_rate);
+  void compute() noexcept override {
+    for (Index k = 0; k < this->rows(); ++k) {
+      this->set_scalar(k, this->position(k), objectives_[static_cast<std::size_t>(k)],
+                       max_rate_[k]);
     }
   }
 
-  Options options_;
+  PerJoint<Scalar> max_rate_;
   std::vector<Objective<Scalar>> objectives_;
 };
 
-/// μ ≥ μ_m [Coop, Eq. (11)], [MARIS, Eq. (14)–(18)].
-template <VehicleManipulator R>
-class Manipulability : public Task<R> {
+/// Joints to positions q*, such as an arm's preferred shape [Coop, II-D2], [MARIS, III-B7]:
+/// component by component to zero, or an objective on ‖q − q*‖ where `norm` is given (Coop,
+/// Remark 1).
+template <JointedRobot R>
+class JointPosition : public detail::JointTask<R> {
  public:
   /// Scalar type.
   using Scalar = typename R::Scalar;
+  /// q*, one entry for each joint of the task.
+  using Positions = Vector<Scalar, Eigen::Dynamic>;
   /// Settings, with defaults.
   struct Options {
-    /// What errors and logs call it.
-    std::string name = "manipulability";
-    Scalar minimum;  ///< μ_m, in the unit of μ (m³ for a revolute arm of six joints or more)
-    Scalar margin;   ///< Δ of [MARIS, Eq. (16)]
-    /// γ, 1/s, > 0.
-    Scalar gain{1};
-    /// Largest reference rate, in the unit of x per second.
-    Scalar max_rate{std::numeric_limits<Scalar>::infinity()};
-  };
-
-  /// @throws std::invalid_argument on settings out of range. Allocates.
-  Manipulability(const R& robot, Options options)
-      : Task<R>(options.name, 1, robot.dof()),
-        options_(options),
-        objective_(Objective<Scalar>::at_least(options.minimum, options.margin)) {
-    this->require_gain(options.gain);
-    this->require_rate("max_rate", options.max_rate);
-  }
-
- private:
-  void compute(const R& robot) noexcept override {
-    const auto& mu = robot.manipulability();
-    for (Index j = 0; j < robot.arm_dof(); ++j) this->jacobian_(0, j) = mu.gradient(j);
-    this->set_scalar(0, mu.value, objective_, options_.gain, options_.max_rate);
-  }
-
-  Options options_;
-  Objective<Scalar> objective_;
-};
-
-/// The arm near a preferred shape q* [Coop, II-D2], [MARIS, III-B7]: component by component to
-/// zero, or an objective on ‖q − q*‖ where `norm` is given (Coop, Remark 1).
-template <VehicleManipulator R>
-class PreferredShape : public Task<R> {
- public:
-  /// Scalar type.
-  using Scalar = typename R::Scalar;
-  /// Joint positions or velocities.
-  using VectorQ = typename R::VectorQ;
-  /// Settings, with defaults.
-  struct Options {
-    /// What errors and logs call it.
-    std::string name = "preferred shape";
-    /// q*, rad or m
-    VectorQ shape{unset()};
+    std::string name = "joint position";  ///< in errors and logs
+    /// By name; none: all.
+    std::vector<std::string> joints = std::initializer_list<std::string>{};
     /// Given: the norm form with this objective. Not given: the component form.
-    std::optional<Objective<Scalar>> norm{};
-    /// γ, 1/s, > 0.
-    Scalar gain{1};
-    Scalar max_rate{std::numeric_limits<Scalar>::infinity()};  ///< of ‖q̇‖
-
-   private:
-    static VectorQ unset() {
-      VectorQ q;
-      detail::fill(q, std::numeric_limits<Scalar>::quiet_NaN());
-      return q;
-    }
+    std::optional<Objective<Scalar>> norm = std::nullopt;
+    Scalar gain{1};  ///< γ, 1/s
+    /// Of each joint, rad/s or m/s; on the way all are slowed alike. In the norm form the smallest
+    /// limits the rate of the norm.
+    PerJoint<Scalar> max_rate = infinity<Scalar>;
   };
 
-  /// @throws std::invalid_argument on settings out of range. Allocates.
-  PreferredShape(const R& robot, Options options)
-      : Task<R>(options.name, options.norm ? 1 : robot.arm_dof(), robot.dof()), options_(options) {
-    this->require_gain(options.gain);
-    this->require_rate("max_rate", options.max_rate);
-    if (!detail::all_finite(options.shape)) {
-      detail::invalid("task '", options.name, "': the shape is not finite");
+  /// `goal`: rad or m.
+  /// @throws std::invalid_argument on settings out of range, or joints that there are not.
+  /// Allocates.
+  JointPosition(const R& robot, const Positions& goal) : JointPosition(robot, goal, Options{}) {}
+  /// The same with options.
+  JointPosition(const R& robot, const Positions& goal, Options options)
+      : detail::JointTask<R>(robot, options.name, options.joints, options.norm.has_value(),
+                             options.gain),
+        norm_(options.norm),
+        max_rate_(options.max_rate),
+        goal_(goal),
+        velocity_(detail::zeros<Positions>(this->joint_count())),
+        error_(velocity_),
+        slope_(velocity_) {
+    this->check("max_rate", options.max_rate);
+    if (goal.size() != this->joint_count()) {
+      detail::invalid("task '", this->name(), "': a goal of ", goal.size(), " numbers for ",
+                      this->joint_count(), " joints");
     }
-    if (!options.norm) this->select_columns(0);
+    this->require_finite("goal", goal);
+    for (Index k = 0; !norm_ && k < this->rows(); ++k) {
+      this->jacobian_(k, this->column(k)) = Scalar(1);
+    }
+  }
+
+  /// q*.
+  const Positions& goal() const noexcept { return goal_; }
+  /// Another q*, at rest; refused if not finite or of another size. `goal` may be any Eigen vector.
+  template <class Q>
+  Status set_goal(const Eigen::MatrixBase<Q>& goal) noexcept {
+    const Status status = take(goal, goal_);
+    if (status == Status::ok) detail::fill(velocity_, Scalar(0));
+    return status;
+  }
+  /// Another q* that moves with `velocity`, rad/s or m/s.
+  template <class Q, class V>
+  Status set_goal(const Eigen::MatrixBase<Q>& goal, const Eigen::MatrixBase<V>& velocity) noexcept {
+    if (goal.size() != this->joint_count()) return Status::wrong_size;
+    for (Index k = 0; k < goal.size(); ++k) {
+      if (!std::isfinite(goal(k))) return Status::non_finite;
+    }
+    const Status status = take(velocity, velocity_);
+    return status == Status::ok ? take(goal, goal_) : status;
+  }
+  /// Another objective of the norm form; refused in the component form.
+  Status set_objective(const Objective<Scalar>& norm) noexcept {
+    if (!norm_) return Status::wrong_size;
+    norm_ = norm;
+    return Status::ok;
   }
 
  private:
-  void compute(const R& robot) noexcept override {
-    VectorQ error = options_.shape;
-    Scalar square(0);
-    for (Index j = 0; j < error.size(); ++j) {
-      error(j) -= robot.q()(j);
-      square += error(j) * error(j);
+  template <class Q>
+  Status take(const Eigen::MatrixBase<Q>& from, Positions& to) noexcept {
+    if (from.size() != to.size()) return Status::wrong_size;
+    for (Index k = 0; k < to.size(); ++k) {
+      if (!std::isfinite(from(k))) return Status::non_finite;
     }
-    if (!options_.norm) {
-      this->set_error(0, error, options_.gain, options_.max_rate);
+    for (Index k = 0; k < to.size(); ++k) to(k) = from(k);
+    return Status::ok;
+  }
+
+  void compute() noexcept override {
+    constexpr Scalar turn = Scalar(2) * std::numbers::pi_v<Scalar>;
+    Scalar square(0), slowest(infinity<Scalar>), scale(1);
+    for (Index k = 0; k < this->joint_count(); ++k) {
+      Scalar e = goal_(k) - this->position(k), slope(1);
+      if (this->joint(k).continuous) {
+        e = std::remainder(e, turn);
+        const Scalar size = std::abs(e), weight = half_turn_weight(size);
+        const Scalar fade = Scalar(half_turn_fade);
+        slope = weight - size * smooth_step_derivative((turn / Scalar(2) - size) / fade) / fade;
+        e *= weight;
+      }
+      error_(k) = e;
+      slope_(k) = slope;
+      square += e * e;
+      const Scalar limit = max_rate_[k], rate = this->gain() * std::abs(e);
+      slowest = std::min(slowest, limit);
+      if (rate * scale > limit) scale = limit / rate;
+    }
+    if (!norm_) {
+      for (Index k = 0; k < this->rows(); ++k) {
+        this->reference_(k) = scale * this->gain() * error_(k) + velocity_(k);
+      }
       return;
     }
     const Scalar distance = std::sqrt(square);
-    for (Index j = 0; j < error.size(); ++j) {
+    Scalar forward(0);
+    for (Index k = 0; k < this->joint_count(); ++k) {
       // At distance 0 the mean of both sides of the kink.
-      this->jacobian_(0, j) = distance > Scalar(0) ? -error(j) / distance : Scalar(0);
+      const Scalar d = distance > Scalar(0) ? -slope_(k) * error_(k) / distance : Scalar(0);
+      this->jacobian_(0, this->column(k)) = d;
+      forward += d * velocity_(k);
     }
-    this->set_scalar(0, distance, *options_.norm, options_.gain, options_.max_rate);
+    this->set_scalar(0, distance, *norm_, slowest);
+    this->reference_(0) += forward;
   }
 
-  Options options_;
+  std::optional<Objective<Scalar>> norm_;
+  PerJoint<Scalar> max_rate_;
+  Positions goal_, velocity_, error_, slope_;  // slope: −∂e/∂q
 };
 
-/// q̇ = 0 [Coop, III-D]: leaves the work to the vehicle. Goes to the bottom of the hierarchy.
-template <VehicleManipulator R>
-class ArmMotionMinimality : public Task<R> {
- public:
-  /// @throws std::invalid_argument on settings out of range. Allocates.
-  explicit ArmMotionMinimality(const R& robot, std::string name = "arm motion minimality")
-      : Task<R>(std::move(name), robot.arm_dof(), robot.dof()) {
-    this->select_columns(0);
-  }
-
- private:
-  void compute(const R&) noexcept override {}
-};
-
-}  // namespace icat::task
+}  // namespace task
+}  // namespace icat

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// A task: reads the robot, yields Jacobian, reference rate and activation of its rows.
+/// A task: reads its robot, yields Jacobian, reference rate and activation of its rows.
 ///
 ///     ẋ = J ẏ,   ẋ̄ = γ (x* − x),   a = aⁱ(x)          [Coop, Eq. (6)–(9), (17), (18)]
 ///
-/// The phase activation aᵖ of Eq. (17) is not the task's: the actions it stands in supply it.
+/// The phase activation aᵖ of Eq. (17) is not the task's: the actions it stands in supply it. A
+/// task is reactive [MARIS, III-B] where its reference follows from the robot's state, non-reactive
+/// where somebody else sets it.
 #pragma once
 
 #include <algorithm>
@@ -12,13 +14,16 @@
 #include <string>
 #include <utility>
 
+#include "icat/core/status.hpp"
+#include "icat/math/spatial_algebra.hpp"
 #include "icat/model/robot.hpp"
 #include "icat/task/objective.hpp"
 
 namespace icat {
 
-/// Base of all tasks. Construction allocates and throws; `update` does neither. A task is an object
-/// with an identity: one may stand in many actions, so it cannot be copied.
+/// Base of all tasks. Construction allocates and throws; nothing else does. A task belongs to the
+/// robot it was built for, which must outlive it and stay where it is. It is an object with an
+/// identity: one may stand in many actions, so it cannot be copied.
 template <Robot R>
 class Task {
  public:
@@ -35,11 +40,13 @@ class Task {
 
   /// What errors and logs call it.
   const std::string& name() const noexcept { return name_; }
+  /// The robot it belongs to.
+  const R& robot() const noexcept { return robot_; }
   /// Number of rows.
   Index rows() const noexcept { return rows_; }
 
   /// Reads the robot's present state.
-  void update(const R& robot) noexcept { compute(robot); }
+  void update() noexcept { compute(); }
 
   /// J, rows × dof.
   const Jacobian& jacobian() const noexcept { return jacobian_; }
@@ -50,53 +57,31 @@ class Task {
 
  protected:
   /// Rows are active, all else 0.
-  Task(std::string name, Index rows, Index dof)
-      : jacobian_(detail::zeros<Jacobian>(rows, dof)),
-        reference_(detail::zeros<Rows>(rows)),
-        activation_(reference_),
-        name_(std::move(name)),
-        rows_(rows) {
+  /// @throws std::invalid_argument on less than one row.
+  Task(const R& robot, std::string name, Index rows)
+      : robot_(robot), name_(std::move(name)), rows_(rows) {
+    if (rows < 1) detail::invalid("task '", name_, "': needs a row at least, got ", rows);
+    jacobian_ = detail::zeros<Jacobian>(rows, robot.dof());
+    reference_ = detail::zeros<Rows>(rows);
+    activation_ = detail::zeros<Rows>(rows);
     detail::fill(activation_, Scalar(1));
   }
 
   /// Fills `jacobian_`, `reference_` and `activation_`; what is not filled keeps its value.
-  virtual void compute(const R& robot) noexcept = 0;
+  virtual void compute() noexcept = 0;
 
-  /// Throws with this task's name unless γ > 0 and the rate limit > 0 (infinity: none).
-  void require_gain(Scalar gain) const { require_above_zero("gain", gain); }
-  /// @throws std::invalid_argument with this task's name unless `rate` > 0; infinity is fine.
-  void require_rate(const char* what, Scalar rate) const {
-    if (!(rate > Scalar(0))) {
-      detail::invalid("task '", name_, "': ", what, " must be > 0, got ", rate);
-    }
-  }
-  /// @throws std::invalid_argument with this task's name unless `value` is finite and > 0.
-  void require_above_zero(const char* what, Scalar value) const {
-    if (!(value > Scalar(0)) || !std::isfinite(value)) {
+  /// @throws std::invalid_argument with this task's name unless `value` > 0; infinity is fine.
+  void require_rate(const char* what, Scalar value) const {
+    if (!(value > Scalar(0))) {
       detail::invalid("task '", name_, "': ", what, " must be > 0, got ", value);
     }
   }
-
-  /// Row `i` controls the scalar x, whose Jacobian the caller writes.
-  void set_scalar(Index i, Scalar x, const Objective<Scalar>& objective, Scalar gain,
-                  Scalar max_rate) noexcept {
-    reference_(i) = std::clamp(gain * (objective.target() - x), -max_rate, max_rate);
-    activation_(i) = objective.activation(x);
-  }
-  /// Rows `i`… drive `error` to zero component by component along a straight line: the rate is
-  /// limited as a whole.
-  template <class Error>
-  void set_error(Index i, const Error& error, Scalar gain, Scalar max_rate) noexcept {
-    Scalar square(0);
-    for (Index k = 0; k < error.size(); ++k) square += error(k) * error(k);
-    const Scalar rate = gain * std::sqrt(square);
-    const Scalar scale = rate > max_rate ? max_rate / rate : Scalar(1);
-    for (Index k = 0; k < error.size(); ++k) reference_(i + k) = (scale * gain) * error(k);
-  }
-
-  /// Row k of `jacobian_` ← eₖ of column `column` + k, for all rows: x is what those columns move.
-  void select_columns(Index column) noexcept {
-    for (Index k = 0; k < rows_; ++k) jacobian_(k, column + k) = Scalar(1);
+  /// @throws std::invalid_argument with this task's name unless all is finite.
+  template <class M>
+  void require_finite(const char* what, const M& values) const {
+    if (!detail::all_finite(values)) {
+      detail::invalid("task '", name_, "': the ", what, " is not finite");
+    }
   }
   /// No row counts: there is no direction to move in.
   void deactivate() noexcept {
@@ -113,8 +98,86 @@ class Task {
   Rows activation_;
 
  private:
+  const R& robot_;
   std::string name_;
   Index rows_;
+};
+
+/// A task with a gain γ.
+template <Robot R>
+class ReactiveTask : public Task<R> {
+ public:
+  /// Scalar type.
+  using Scalar = typename R::Scalar;
+
+  /// γ, 1/s.
+  Scalar gain() const noexcept { return gain_; }
+  /// Another γ, 1/s; refused unless finite and > 0.
+  Status set_gain(Scalar gain) noexcept {
+    if (!(gain > Scalar(0)) || !std::isfinite(gain)) return Status::out_of_range;
+    gain_ = gain;
+    return Status::ok;
+  }
+
+ protected:
+  /// @throws std::invalid_argument unless γ is finite and > 0, or on less than one row.
+  ReactiveTask(const R& robot, std::string name, Index rows, Scalar gain)
+      : Task<R>(robot, std::move(name), rows), gain_(gain) {
+    if (!(gain > Scalar(0)) || !std::isfinite(gain)) {
+      detail::invalid("task '", this->name(), "': gain must be finite and > 0, got ", gain);
+    }
+  }
+
+  /// Row `i` controls the scalar x, whose Jacobian the caller writes. `fade` in [0, 1] is a factor
+  /// of its activation.
+  void set_scalar(Index i, Scalar x, const Objective<Scalar>& objective, Scalar max_rate,
+                  Scalar fade = Scalar(1)) noexcept {
+    this->reference_(i) = std::clamp(gain_ * (objective.target(x) - x), -max_rate, max_rate);
+    this->activation_(i) = fade * objective.activation(x);
+  }
+
+ private:
+  Scalar gain_;
+};
+
+/// A reactive task of one scalar x with one objective.
+template <Robot R>
+class ScalarTask : public ReactiveTask<R> {
+ public:
+  /// Scalar type.
+  using Scalar = typename R::Scalar;
+
+  /// x of the last update.
+  Scalar value() const noexcept { return value_; }
+  /// What x is to do.
+  const Objective<Scalar>& objective() const noexcept { return objective_; }
+  /// Another objective. Its construction throws on bad numbers, so build it outside the loop.
+  void set_objective(const Objective<Scalar>& objective) noexcept { objective_ = objective; }
+  /// Another limit of |ẋ̄|; refused unless > 0.
+  Status set_max_rate(Scalar rate) noexcept {
+    if (!(rate > Scalar(0))) return Status::out_of_range;
+    max_rate_ = rate;
+    return Status::ok;
+  }
+
+ protected:
+  /// @throws std::invalid_argument unless γ is finite and > 0 and `max_rate` > 0.
+  ScalarTask(const R& robot, std::string name, const Objective<Scalar>& objective, Scalar gain,
+             Scalar max_rate)
+      : ReactiveTask<R>(robot, std::move(name), 1, gain),
+        objective_(objective),
+        max_rate_(max_rate) {
+    this->require_rate("max_rate", max_rate);
+  }
+  /// The reference and activation for `x`; the Jacobian is the caller's.
+  void set_value(Scalar x, Scalar fade = Scalar(1)) noexcept {
+    value_ = x;
+    this->set_scalar(0, x, objective_, max_rate_, fade);
+  }
+
+ private:
+  Objective<Scalar> objective_;
+  Scalar max_rate_, value_{0};
 };
 
 }  // namespace icat

@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// Runs actions: from the tasks of the unified hierarchy and the phase activations to the levels
+/// that a solver gets.
+///
+///     a_j = aⁱ_j(x_j) · aᵖ_j(p)          [Coop, Eq. (17)]
+#pragma once
+
+#include <algorithm>
+#include <limits>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "icat/action/transition.hpp"
+#include "icat/action/unified_hierarchy.hpp"
+
+namespace icat {
+
+/// One level of a hierarchy as a solver gets it, phase activations included.
+template <class Scalar, int N>
+struct Level {
+  JacobianMatrix<Scalar, N> jacobian;         ///< rows × n
+  Vector<Scalar, Eigen::Dynamic> activation;  ///< rows, in [0, 1]
+  Vector<Scalar, Eigen::Dynamic> reference;   ///< rows
+};
+
+/// See the file comment. Construction allocates and throws; nothing else does.
+template <Robot R>
+class LevelStack {
+ public:
+  /// Scalar type.
+  using Scalar = typename R::Scalar;
+  /// What a solver gets.
+  using RobotLevel = Level<Scalar, R::size>;
+
+  /// Computes the unified hierarchy of `actions`. `robot` and the tasks must outlive this object.
+  /// @throws std::invalid_argument on bad actions (see `unified_hierarchy`), or a task that belongs
+  ///         to another robot.
+  [[gnu::cold]] LevelStack(const R& robot, const std::vector<Action<R>>& actions)
+      : robot_(robot),
+        hierarchy_(unified_hierarchy(checked(robot, actions))),
+        transition_(count_entries()),
+        targets_(transition_.count()) {
+    for (const auto& action : actions) names_.push_back(action.name);
+    for (const auto& level : hierarchy_) {
+      Index rows = 0;
+      for (const auto& entry : level) {
+        rows += entry.task->rows();
+        if (std::find(tasks_.begin(), tasks_.end(), entry.task) == tasks_.end()) {
+          tasks_.push_back(entry.task);
+        }
+      }
+      const auto column = detail::zeros<Vector<Scalar, Eigen::Dynamic>>(rows);
+      levels_.push_back(
+          {detail::zeros<JacobianMatrix<Scalar, R::size>>(rows, robot.dof()), column, column});
+    }
+  }
+
+  /// Enters `action` at once, for a start in the middle of things. A refusal changes nothing.
+  Status start(std::string_view action, double time) noexcept {
+    const std::size_t index = find(action);
+    if (index == names_.size()) return Status::unknown_action;
+    set_targets(index);
+    const Status status = transition_.set(targets_, time);
+    if (status == Status::ok) action_ = index;
+    return status;
+  }
+  /// Moves to `action` over `duration` seconds, from the activations as they are now (all 0 before
+  /// the first action); also in the middle of another transition, also back. A refusal changes
+  /// nothing.
+  Status switch_to(std::string_view action, double time, double duration) noexcept {
+    const std::size_t index = find(action);
+    if (index == names_.size()) return Status::unknown_action;
+    set_targets(index);
+    const Status status = transition_.start(targets_, time, duration);
+    if (status == Status::ok) action_ = index;
+    return status;
+  }
+  /// Phase activations at `time`, tasks at the robot's state, rows stacked into `levels`.
+  Status update(double time) noexcept {
+    if (action_ == none) return Status::not_started;
+    if (const Status status = transition_.update(time); status != Status::ok) return status;
+    for (Task<R>* task : tasks_) {
+      if (wanted(task)) task->update();
+    }
+    std::size_t i = 0;
+    for (std::size_t k = 0; k < hierarchy_.size(); ++k) {
+      Index row = 0;
+      for (const auto& entry : hierarchy_[k]) {
+        stack(*entry.task, transition_.values()[i++], levels_[k], row);
+        row += entry.task->rows();
+      }
+    }
+    return Status::ok;
+  }
+
+  /// The robot it was built for.
+  const R& robot() const noexcept { return robot_; }
+  /// Name of the action that runs or is being entered; empty before `start`.
+  std::string_view action() const noexcept {
+    return action_ == none ? std::string_view{} : std::string_view{names_[action_]};
+  }
+  /// Whether there is an action of this name.
+  bool has(std::string_view action) const noexcept { return find(action) != names_.size(); }
+  /// An action is being entered.
+  bool in_transition() const noexcept { return action_ != none && !transition_.finished(); }
+  /// The unified hierarchy of the actions.
+  const UnifiedHierarchy<R>& hierarchy() const noexcept { return hierarchy_; }
+  /// aᵖ of every entry of the hierarchy, level by level.
+  std::span<const double> phase_activations() const noexcept { return transition_.values(); }
+  /// The levels of `hierarchy` as of the last `update`.
+  std::span<const RobotLevel> levels() const noexcept { return levels_; }
+
+ private:
+  static constexpr std::size_t none = static_cast<std::size_t>(-1);
+
+  static const std::vector<Action<R>>& checked(const R& robot,
+                                               const std::vector<Action<R>>& actions) {
+    for (const auto& action : actions) {
+      for (const auto& level : action.levels) {
+        for (const Task<R>& task : level) {
+          if (&task.robot() != &robot) {
+            detail::invalid("action '", action.name, "': task '", task.name(),
+                            "' belongs to another robot");
+          }
+        }
+      }
+    }
+    return actions;
+  }
+  /// Rows `row`… of `level` are those of `task` with the phase activation `phase`.
+  void stack(const Task<R>& task, double phase, RobotLevel& level, Index row) const noexcept {
+    // Without activation old values could be what made the level be refused; the solver checks
+    // inactive rows too.
+    const bool active = phase > 0, good = fits(task), use = active && good;
+    for (Index i = 0; i < task.rows(); ++i) {
+      for (Index j = 0; j < robot_.dof(); ++j) {
+        level.jacobian(row + i, j) = use ? task.jacobian()(i, j) : Scalar(0);
+      }
+      level.activation(row + i) =
+          use ? static_cast<Scalar>(phase) * task.activation()(i) : Scalar(0);
+      level.reference(row + i) = use      ? task.reference()(i)
+                                 : active ? std::numeric_limits<Scalar>::quiet_NaN()
+                                          : Scalar(0);
+    }
+  }
+  /// A task of the user's may have resized what it yields; its level is then refused.
+  bool fits(const Task<R>& task) const noexcept {
+    return task.jacobian().rows() == task.rows() && task.jacobian().cols() == robot_.dof() &&
+           task.reference().size() == task.rows() && task.activation().size() == task.rows();
+  }
+  bool wanted(const Task<R>* task) const noexcept {
+    std::size_t i = 0;
+    for (const auto& level : hierarchy_) {
+      for (const auto& entry : level) {
+        if (transition_.values()[i++] > 0 && entry.task == task) return true;
+      }
+    }
+    return false;
+  }
+  std::size_t count_entries() const {
+    std::size_t count = 0;
+    for (const auto& level : hierarchy_) count += level.size();
+    return count;
+  }
+  std::size_t find(std::string_view action) const noexcept {
+    return static_cast<std::size_t>(std::find(names_.begin(), names_.end(), action) -
+                                    names_.begin());
+  }
+  void set_targets(std::size_t action) noexcept {
+    std::size_t i = 0;
+    for (const auto& level : hierarchy_) {
+      for (const auto& entry : level) targets_[i++] = entry.in_action[action] ? 1 : 0;
+    }
+  }
+
+  const R& robot_;
+  UnifiedHierarchy<R> hierarchy_;
+  Transition transition_;
+  std::vector<double> targets_;
+  std::vector<std::string> names_;
+  std::vector<Task<R>*> tasks_;
+  std::vector<RobotLevel> levels_;
+  std::size_t action_{none};
+};
+
+}  // namespace icat

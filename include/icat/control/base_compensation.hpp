@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// TPIK 2 of [MARIS, III-B9]: all columns of the base move as measured, and the joints make up for
+/// what the base does not track. For a joint loop that is faster than any solver it also comes as a
+/// law in the base's velocity [Coop, Eq. (24)]: q̇ = ρ̃ + P v.
+#pragma once
+
+#include <cmath>
+
+#include "icat/control/given_tpik.hpp"
+#include "icat/tpik/parametric_tpik.hpp"
+
+namespace icat {
+
+/// See the file comment. It solves the levels of a controller that is stepped by somebody else.
+/// After construction nothing allocates or throws.
+template <MobileRobot R, class Regularization = BellRegularization<typename R::Scalar>>
+class BaseCompensation {
+ public:
+  /// Scalar type.
+  using Scalar = typename R::Scalar;
+  /// The solver.
+  using Solver = Tpik<Scalar, R::size, Regularization>;
+  /// ẏ, n.
+  using Velocity = typename Solver::VectorN;
+  /// Velocities of the columns that are not the base's, in their order.
+  using JointVelocity = Vector<Scalar, Eigen::Dynamic>;
+
+  /// `given`: columns besides the base's that are not commanded; they count as standing still.
+  /// `levels`: those that will be solved, for their sizes.
+  /// @throws std::invalid_argument on bad options, or a robot without joints.
+  [[gnu::cold]] BaseCompensation(const R& robot, const typename Solver::Options& options,
+                                 const Columns& given,
+                                 std::span<const Level<Scalar, R::size>> levels)
+      : tpik_(robot, options, given),
+        base_(robot.base_columns()),
+        law_(joints(robot), {options.regularization, options.projection_weight}),
+        joint_velocity_(detail::zeros<JointVelocity>(robot.dof() - base_.count)),
+        wanted_(joint_velocity_) {
+    for (Index c = 0; c < robot.dof(); ++c) {
+      if (in_base(c)) {
+        tpik_.set_given(c, true);
+        continue;
+      }
+      columns_.push_back(c);
+    }
+    Index rows = 0;
+    for (const auto& level : levels) rows = std::max(rows, level.jacobian.rows());
+    split_.resize(rows, joint_velocity_.size() + 6);
+    if (!options.bounds) return;
+    bounds_.emplace();
+    bounds_->lower = bounds_->upper = joint_velocity_;
+    for (std::size_t k = 0; k < columns_.size(); ++k) {
+      bounds_->lower(static_cast<Index>(k)) = options.bounds->lower(columns_[k]);
+      bounds_->upper(static_cast<Index>(k)) = options.bounds->upper(columns_[k]);
+    }
+  }
+
+  /// Column `column` is given from now on, or no more; those of the base always are.
+  void set_given(Index column, bool given) noexcept {
+    if (!in_base(column)) tpik_.set_given(column, given);
+  }
+  /// Whether column `column` is the base's.
+  bool in_base(Index column) const noexcept {
+    return column >= base_.first && column < base_.first + base_.count;
+  }
+
+  /// TPIK 2 on `levels` for the base's velocity `measured`, one for each of its columns. One that
+  /// is not finite: zero velocity.
+  template <class V>
+  Status solve(std::span<const Level<Scalar, R::size>> levels,
+               const Eigen::MatrixBase<V>& measured) noexcept {
+    if (measured.size() != base_.count) return Status::wrong_size;
+    for (Index j = 0; j < base_.count; ++j) tpik_.measured()(base_.first + j) = measured(j);
+    return tpik_.solve(levels);
+  }
+  /// ẏ of the last `solve`; the base's columns hold what was measured.
+  const Velocity& velocity() const noexcept { return tpik_.solver().velocity(); }
+  /// Of the last `solve`.
+  const TpikReport<Scalar>& report() const noexcept { return tpik_.solver().report(); }
+
+  /// The law for `levels`: after it `joint_velocity` answers every new measurement without solving.
+  Status solve_law(std::span<const Level<Scalar, R::size>> levels) noexcept {
+    const Index l = joint_velocity_.size();
+    law_.reset();
+    Status status = Status::ok;
+    for (std::size_t k = 0; k < levels.size() && status == Status::ok; ++k) {
+      const auto& level = levels[k];
+      const Index rows = level.jacobian.rows();
+      if (rows > split_.rows()) return Status::wrong_size;
+      for (Index i = 0; i < rows; ++i) {
+        for (Index j = 0; j < l; ++j) {
+          const Index c = columns_[static_cast<std::size_t>(j)];
+          split_(i, j) = tpik_.is_given(c) ? Scalar(0) : level.jacobian(i, c);
+        }
+        for (Index j = 0; j < 6; ++j) {
+          split_(i, l + j) = j < base_.count ? level.jacobian(i, base_.first + j) : Scalar(0);
+        }
+      }
+      status = law_.add_level(split_.topRows(rows), level.activation, level.reference);
+    }
+    const Status closing = law_.minimize_velocity();
+    return status == Status::ok ? closing : status;
+  }
+  /// q̇ = ρ̃ + P v of the last `solve_law`, for the base's velocity `measured`; scaled as a whole
+  /// into the velocity bounds. Zero where `measured` is not finite or of the wrong size.
+  template <class V>
+  const JointVelocity& joint_velocity(const Eigen::MatrixBase<V>& measured) noexcept {
+    detail::fill(joint_velocity_, Scalar(0));
+    if (measured.size() != base_.count) return joint_velocity_;
+    const auto rho = law_.rho();
+    const auto P = law_.P();
+    for (Index i = 0; i < wanted_.size(); ++i) {
+      wanted_(i) = rho(i);
+      for (Index j = 0; j < base_.count; ++j) wanted_(i) += P(i, j) * measured(j);
+    }
+    if (!detail::all_finite(wanted_)) return joint_velocity_;
+    if (!bounds_) {
+      std::copy_n(wanted_.data(), wanted_.size(), joint_velocity_.data());
+      return joint_velocity_;
+    }
+    const Index n = wanted_.size();
+    const Scalar scale = bounds_->scale(n, joint_velocity_.data(), wanted_.data());
+    bounds_->advance(n, joint_velocity_.data(), wanted_.data(), scale);
+    return joint_velocity_;
+  }
+
+ private:
+  using Law = ParametricTpik<Scalar, Eigen::Dynamic, 6, Regularization>;
+
+  static Index joints(const R& robot) {
+    const Index n = robot.dof() - robot.base_columns().count;
+    if (n < 1) detail::invalid("BaseCompensation: the robot has no joints");
+    return n;
+  }
+
+  detail::GivenTpik<R, Regularization> tpik_;
+  ColumnRange base_;
+  std::vector<Index> columns_;  // those that are not the base's
+  Law law_;
+  std::optional<VelocityBounds<Scalar, Eigen::Dynamic>> bounds_;
+  JointVelocity joint_velocity_, wanted_;
+  Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> split_;
+};
+
+}  // namespace icat
