@@ -26,8 +26,7 @@ Plant::State bent_start(unsigned seed, double speed) {
 
 double energy(const Plant& plant) {
   const auto dynamics = plant.dynamics();
-  return dynamics.kinetic_energy(plant.velocity()) +
-         dynamics.potential_energy(plant.q(), plant.vehicle());
+  return dynamics.kinetic_energy(plant.velocity()) + dynamics.potential_energy();
 }
 
 // [force; moment] impulse on ⟨0⟩ at its origin: the last six rows of M ẏ, carried there.
@@ -61,7 +60,7 @@ TEST(Dynamics, MassMatrixIsSymmetricAndPositive) {
   Dynamics dynamics(maris_description());
   for (const auto& state : all_states<double>(100, 1)) {
     SCOPED_TRACE(state.name);
-    dynamics.update(state.q, state.vehicle, VectorN::Zero());
+    ASSERT_EQ(dynamics.update(state.q, state.vehicle, VectorN::Zero()), Status::ok);
     const auto& M = dynamics.mass_matrix();
     EXPECT_TRUE(M == M.transpose());
     EXPECT_GT(Eigen::SelfAdjointEigenSolver<Dynamics::MatrixN>(M).eigenvalues()(0), 1e-4);
@@ -73,16 +72,19 @@ TEST(Dynamics, MassMatrixIsSymmetricAndPositive) {
 
 TEST(Dynamics, WeightAndBuoyancyAreTheGradientOfTheirEnergy) {
   for (const auto& description : {maris_description(), random_description(4)}) {
-    Dynamics dynamics(description);
+    Dynamics dynamics(description), displaced(description);
     for (const auto& state : random_states<double>(20, 2)) {
       SCOPED_TRACE(state.name);
-      dynamics.update(state.q, state.vehicle, VectorN::Zero());
+      ASSERT_EQ(dynamics.update(state.q, state.vehicle, VectorN::Zero()), Status::ok);
       const VectorN gradient =
           icat::central_difference(
               [&](const VectorN& y) {
-                return icat::Vector<double, 1>(dynamics.potential_energy(
-                    state.q + y.head<7>(),
-                    icat::integrate<double>(state.vehicle, Vector6(y.tail<6>()), 1.0)));
+                EXPECT_EQ(displaced.update(
+                              state.q + y.head<7>(),
+                              icat::integrate<double>(state.vehicle, Vector6(y.tail<6>()), 1.0),
+                              VectorN::Zero()),
+                          Status::ok);
+                return icat::Vector<double, 1>(displaced.potential_energy());
               },
               VectorN(VectorN::Zero()))
               .transpose();
@@ -94,8 +96,9 @@ TEST(Dynamics, WeightAndBuoyancyAreTheGradientOfTheirEnergy) {
 TEST(Dynamics, BuoyancyLiftsAndRights) {
   Dynamics dynamics(maris_description());
   const double g = 9.81, roll = 0.3;
-  dynamics.update(icat::Vector<double, 7>::Zero(), make_pose<double>(0, 0, 2, roll, 0, 0),
-                  VectorN::Zero());
+  ASSERT_EQ(dynamics.update(icat::Vector<double, 7>::Zero(), make_pose<double>(0, 0, 2, roll, 0, 0),
+                            VectorN::Zero()),
+            Status::ok);
   // Net force 1 % of the weight, upwards; c is what it takes to hold.
   const Eigen::Vector3d down(0, std::sin(roll), std::cos(roll));
   EXPECT_LT((dynamics.bias().segment<3>(7) - 0.01 * 329 * g * down).norm(), 1e-9);
@@ -103,31 +106,41 @@ TEST(Dynamics, BuoyancyLiftsAndRights) {
   auto hull = maris_description();
   for (auto& link : hull.links) link.displaced_mass = link.mass;
   Dynamics righting(hull);
-  righting.update(icat::Vector<double, 7>::Zero(), make_pose<double>(0, 0, 2, roll, 0, 0),
-                  VectorN::Zero());
+  ASSERT_EQ(righting.update(icat::Vector<double, 7>::Zero(), make_pose<double>(0, 0, 2, roll, 0, 0),
+                            VectorN::Zero()),
+            Status::ok);
   EXPECT_NEAR(righting.bias()(10), 303 * g * 0.05 * std::sin(roll), 1e-9);
 }
 
 TEST(Dynamics, JacobianAndItsDerivativeEqualTheKinematicModel) {
   const auto description = random_description(5);
   Dynamics dynamics(description);
-  auto kinematics = description.robot;
-  kinematics.tool = make_pose<double>(0.1, -0.2, 0.3, 0.4, 0.5, 0.6);
-  Robot<double> robot(kinematics);
+  const auto e_t = make_pose<double>(0.1, -0.2, 0.3, 0.4, 0.5, 0.6);
+  Robot<double> robot =
+      icat::uvms<double, 7>(description.arm, {.arm = description.arm_mount, .tool = e_t});
+  const icat::FrameId tool = robot.frame("tool");
+  // Components on ⟨t⟩.
+  const auto jacobian = [&] {
+    const Eigen::Matrix3d back = robot.pose(tool).linear().transpose();
+    Dynamics::Jacobian J = robot.jacobian(tool);
+    J.topRows<3>() = (back * J.topRows<3>()).eval();
+    J.bottomRows<3>() = (back * J.bottomRows<3>()).eval();
+    return J;
+  };
   std::mt19937 rng(6);
   for (const auto& state : random_states<double>(20, 7)) {
     SCOPED_TRACE(state.name);
     const VectorN y = random_vector(rng, 1);
     const auto twist_after = [&](double t) {
       displace(robot, state, VectorN(t * y));
-      return Vector6(robot.tool_jacobian(icat::Frame::tool) * y);
+      return Vector6(jacobian() * y);
     };
     const Vector6 numeric = (twist_after(1e-5) - twist_after(-1e-5)) / 2e-5;
     twist_after(0);
-    dynamics.update(state.q, state.vehicle, y);
-    const auto hand = dynamics.hand(kinematics.tool);
-    EXPECT_LT((hand.jacobian - robot.tool_jacobian(icat::Frame::tool)).norm(), 1e-12);
-    EXPECT_LT((hand.twist - robot.tool_jacobian(icat::Frame::tool) * y).norm(), 1e-12);
+    ASSERT_EQ(dynamics.update(state.q, state.vehicle, y), Status::ok);
+    const auto hand = dynamics.hand(e_t);
+    EXPECT_LT((hand.jacobian - jacobian()).norm(), 1e-12);
+    EXPECT_LT((hand.twist - jacobian() * y).norm(), 1e-12);
     EXPECT_LT((hand.bias_acceleration - numeric).norm(), 1e-7);
   }
 }
@@ -150,7 +163,8 @@ TEST(Dynamics, AddedMassInClosedForm) {
   const Eigen::Vector3d v(0.4, -0.3, 0.6), w(0.2, 0.5, -0.7);
   VectorN y = VectorN::Zero();
   y.tail<6>() << v, w;
-  free.update(icat::Vector<double, 7>::Zero(), icat::Pose<double>::Identity(), y);
+  ASSERT_EQ(free.update(icat::Vector<double, 7>::Zero(), icat::Pose<double>::Identity(), y),
+            Status::ok);
   const Eigen::Vector3d Av = a.cwiseProduct(v), Bw = b.cwiseProduct(w);
   EXPECT_LT((free.bias().segment<3>(7) - w.cross(Av)).norm(), 1e-4);
   EXPECT_LT((free.bias().tail<3>() - (w.cross(Bw) + v.cross(Av))).norm(), 1e-4);
@@ -196,11 +210,11 @@ TEST(Dynamics, DragTakesPowerInEveryDirection) {
   std::mt19937 rng(8);
   for (const auto& state : random_states<double>(50, 9)) {
     const VectorN y = random_vector(rng, 1);
-    with.update(state.q, state.vehicle, y);
-    without.update(state.q, state.vehicle, y);
+    ASSERT_EQ(with.update(state.q, state.vehicle, y), Status::ok);
+    ASSERT_EQ(without.update(state.q, state.vehicle, y), Status::ok);
     EXPECT_GT((with.bias() - without.bias()).dot(y), 0.1);
-    with.update(state.q, state.vehicle, VectorN::Zero());
-    without.update(state.q, state.vehicle, VectorN::Zero());
+    ASSERT_EQ(with.update(state.q, state.vehicle, VectorN::Zero()), Status::ok);
+    ASSERT_EQ(without.update(state.q, state.vehicle, VectorN::Zero()), Status::ok);
     EXPECT_EQ(with.bias(), without.bias());
   }
 }
@@ -259,17 +273,31 @@ TEST(Integration, SinglePrecisionFollowsDouble) {
   using F = icat::HydrodynamicPlant<float, 7>;
   F::State single{start.q.cast<float>(), icat::Pose<float>(start.vehicle.cast<float>()),
                   start.velocity.cast<float>()};
-  F other(icat::maris_dynamics<float>(
-              {.arm = icat::maris_arm<float>(), .arm_mount = icat::maris_arm_mount<float>()}),
-          single);
+  F other(icat::maris_dynamics<float>(), single);
   VectorN force = VectorN::Zero();
   force.tail<6>() << 20, -10, 30, 1, 2, 3;
   for (int k = 0; k < 1000; ++k) {
     ASSERT_EQ(plant.step(force, 0.0005), Status::ok);
-    ASSERT_EQ(other.step(force.cast<float>(), 0.0005F), Status::ok);
+    ASSERT_EQ(other.step(force.cast<float>(), 0.0005), Status::ok);
   }
   EXPECT_LT((plant.q() - other.q().cast<double>()).norm(), 1e-3);
   EXPECT_LT((plant.vehicle().matrix() - other.vehicle().cast<double>().matrix()).norm(), 1e-3);
+}
+
+TEST(Dynamics, BadInputIsRefusedAndTheStateStays) {
+  Dynamics dynamics(maris_description());
+  const auto start = bent_start(15, 0.3);
+  ASSERT_EQ(dynamics.update(start.q, start.vehicle, start.velocity), Status::ok);
+  const VectorN before = dynamics.bias();
+  auto bad = start;
+  bad.q(2) = NAN;
+  bad.vehicle.linear() *= 2;
+  bad.velocity(5) = INFINITY;
+  EXPECT_EQ(dynamics.update(bad.q, start.vehicle, start.velocity), Status::non_finite);
+  EXPECT_EQ(dynamics.update(start.q, bad.vehicle, start.velocity), Status::not_a_rotation);
+  EXPECT_EQ(dynamics.update(start.q, start.vehicle, bad.velocity), Status::non_finite);
+  ASSERT_EQ(dynamics.update(start.q, start.vehicle, start.velocity), Status::ok);
+  EXPECT_EQ(dynamics.bias(), before);
 }
 
 TEST(Integration, BadInputIsRefusedAndTheStateStays) {
@@ -331,8 +359,8 @@ TEST(DynamicsErrors, ConfigurationThrowsWithNamesAndNumbers) {
             owner + "centre_of_buoyancy of the vehicle is not finite");
   EXPECT_EQ(message([](auto& d) { d.links[0].pose.linear() *= 2; }),
             owner + "pose of link 0 is not finite or not a rotation");
-  EXPECT_EQ(message([](auto& d) { d.robot.arm_mount.linear() *= 2; }),
-            owner + "the pose of the arm mount is not finite or not a rotation");
+  EXPECT_EQ(message([](auto& d) { d.arm_mount.linear() *= 2; }),
+            "KinematicTree: joint 'arm_base': its origin is not finite or not a rotation");
   EXPECT_EQ(message([](auto& d) { d.gravity = NAN; }), owner + "gravity must be finite, got nan");
   EXPECT_EQ(message_of([] { Plant(maris_description(), {.velocity = VectorN::Constant(NAN)}); }),
             "HydrodynamicPlant: the start is not finite or its pose not a rotation");

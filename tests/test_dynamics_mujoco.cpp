@@ -48,8 +48,8 @@ std::string mjcf(const Dynamics::Description& d) {
       << "<body name='vehicle'><freejoint/>\n";
   inertial(d.vehicle);
   for (std::size_t i = 0; i < 7; ++i) {
-    const auto& joint = d.robot.arm.joints()[i];
-    xml << "<body " << (i == 0 ? text(d.robot.arm_mount) : "") << "><joint type='"
+    const auto& joint = d.arm.joints[i];
+    xml << "<body " << (i == 0 ? text(d.arm_mount) : "") << "><joint type='"
         << (joint.type == icat::JointType::revolute ? "hinge" : "slide") << "' axis='"
         << text(joint.axis) << "' pos='" << text(joint.point) << "'/>\n";
     inertial(d.links[i]);
@@ -109,7 +109,7 @@ void compare(const Dynamics::Description& description) {
     mj_fullM(m, M.data(), d->qM);
     const VectorN c = Eigen::Map<VectorN>(d->qfrc_bias), acc = Eigen::Map<VectorN>(d->qacc);
 
-    dynamics.update(state.q, state.vehicle, y);
+    ASSERT_EQ(dynamics.update(state.q, state.vehicle, y), icat::Status::ok);
     const MatrixN expected_M = T.transpose() * M * T;
     const VectorN expected_c = T.transpose() * (c + M * T_dot_y);
     const VectorN expected_a = T.transpose() * (acc - T_dot_y);

@@ -18,10 +18,7 @@ using VectorN = Dynamics::VectorN;
 using Vector6 = icat::Vector6<double>;
 
 /// The robot of the paper.
-inline Dynamics::Description maris_description() {
-  return icat::maris_dynamics<double>(
-      {.arm = icat::maris_arm<double>(), .arm_mount = icat::maris_arm_mount<double>()});
-}
+inline Dynamics::Description maris_description() { return icat::maris_dynamics<double>(); }
 
 /// In vacuum: no added mass, drag or buoyancy.
 inline void dry(icat::RigidBody<double>& body) {
@@ -51,13 +48,13 @@ inline Dynamics::Description random_description(unsigned seed) {
     b.pose = make_pose<double>(u(rng), u(rng), u(rng), u(rng), u(rng), u(rng));
     return b;
   };
-  auto joints = icat::maris_arm<double>().joints();
-  joints[3].type = icat::JointType::prismatic;
-  Dynamics::Description d{
-      .robot = {.arm = {joints, make_pose<double>(-0.1, 0.2, 1.2, 0.3, 0.1, 0.2)},
-                .arm_mount = make_pose<double>(0.2, -0.1, 0.43, 0.3, -0.4, 2.0)},
-      .vehicle = body(300),
-      .links = {}};
+  auto arm = icat::maris_arm<double>();
+  arm.joints[3].type = icat::JointType::prismatic;
+  arm.end_effector = make_pose<double>(-0.1, 0.2, 1.2, 0.3, 0.1, 0.2);
+  Dynamics::Description d{.arm = arm,
+                          .arm_mount = make_pose<double>(0.2, -0.1, 0.43, 0.3, -0.4, 2.0),
+                          .vehicle = body(300),
+                          .links = {}};
   for (auto& link : d.links) link = body(4);
   return d;
 }

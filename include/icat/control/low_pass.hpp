@@ -23,9 +23,9 @@ class LowPass {
   /// @param time_constant  τ, s; 0 lets everything through
   /// @param initial        the output before the first update
   /// @throws std::invalid_argument unless τ and `initial` are finite and τ >= 0.
-  explicit LowPass(Scalar time_constant, const VectorN& initial = VectorN::Zero())
+  explicit LowPass(double time_constant, const VectorN& initial = Filled{0})
       : time_constant_(time_constant), value_(initial) {
-    if (!(time_constant >= Scalar(0)) || !std::isfinite(time_constant)) {
+    if (!(time_constant >= 0) || !std::isfinite(time_constant)) {
       detail::invalid("LowPass: time_constant must be finite and >= 0, got ", time_constant);
     }
     if (!initial.allFinite()) detail::invalid("LowPass: the initial value is not finite");
@@ -33,10 +33,11 @@ class LowPass {
 
   /// `input` was there for `dt` s, >= 0. What is not finite is refused, the output stays. No
   /// allocation.
-  Status update(const VectorN& input, Scalar dt) noexcept {
+  Status update(const VectorN& input, double dt) noexcept {
     if (!input.allFinite() || !std::isfinite(dt)) return Status::non_finite;
-    if (dt < Scalar(0)) return Status::time_reversed;
-    const Scalar keep = time_constant_ > Scalar(0) ? std::exp(-dt / time_constant_) : Scalar(0);
+    if (dt < 0) return Status::time_reversed;
+    const Scalar keep =
+        time_constant_ > 0 ? static_cast<Scalar>(std::exp(-dt / time_constant_)) : Scalar(0);
     value_ = keep * value_ + (Scalar(1) - keep) * input;
     return Status::ok;
   }
@@ -47,7 +48,7 @@ class LowPass {
   void reset(const VectorN& value) noexcept { value_ = value; }
 
  private:
-  Scalar time_constant_;
+  double time_constant_;
   VectorN value_;
 };
 

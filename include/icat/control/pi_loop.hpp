@@ -25,10 +25,9 @@ class PiLoop {
 
   /// Gains and bounds, >= 0.
   struct Options {
-    VectorN proportional{VectorN::Zero()};  ///< k_p, output per unit of error
-    VectorN integral{VectorN::Zero()};      ///< k_i, output per unit of error and second
-    /// Of |u|; none by default.
-    VectorN bound{VectorN::Constant(std::numeric_limits<Scalar>::infinity())};
+    VectorN proportional = Filled{0};          ///< k_p, output per unit of error
+    VectorN integral = Filled{0};              ///< k_i, output per unit of error and second
+    VectorN bound = Filled{infinity<double>};  ///< of |u|; none by default
   };
 
   /// Gains for a nominal `inertia` (kg, kg m²) and a `bandwidth` ω (rad/s) of each component.
@@ -63,10 +62,10 @@ class PiLoop {
   /// @param feed_forward  f, unit of the output
   /// @param dt            s
   Status update(const VectorN& reference, const VectorN& measured, const VectorN& feed_forward,
-                Scalar dt) noexcept {
+                double dt) noexcept {
     const VectorN error = reference - measured;
     const VectorN wanted = feed_forward + options_.proportional.cwiseProduct(error) + integral_;
-    const VectorN growth = dt * options_.integral.cwiseProduct(error);
+    const VectorN growth = static_cast<Scalar>(dt) * options_.integral.cwiseProduct(error);
     if (!wanted.allFinite() || !growth.allFinite()) return Status::non_finite;
     for (Index i = 0; i < N; ++i) {
       const Scalar bound = options_.bound(i);

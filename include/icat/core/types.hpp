@@ -84,6 +84,30 @@ M identity(Index size) {
 
 }  // namespace detail
 
+/// A number in every element, as a default of a member: a conversion, not the call of a function,
+/// for the same reason as `infinity`. What has no fixed size is left empty.
+struct Filled {
+  double value;  ///< of every element
+  /// As a matrix or vector.
+  template <class Scalar, int Rows, int Cols, int Options>
+  operator Eigen::Matrix<Scalar, Rows, Cols, Options>() const {  // NOLINT: converts on purpose
+    Eigen::Matrix<Scalar, Rows, Cols, Options> m;
+    detail::fill(m, static_cast<Scalar>(value));
+    return m;
+  }
+};
+
+/// The identity, as a default of a member like `Filled`. Square, of fixed size.
+struct IdentityMatrix {
+  /// As a matrix.
+  template <class Scalar, int N>
+  operator Eigen::Matrix<Scalar, N, N>() const {  // NOLINT: converts on purpose
+    Eigen::Matrix<Scalar, N, N> m;
+    detail::set_identity(m);
+    return m;
+  }
+};
+
 /// Sum of two compile-time sizes, `Eigen::Dynamic` if either is.
 constexpr int add_sizes(int a, int b) {
   return a == Eigen::Dynamic || b == Eigen::Dynamic ? Eigen::Dynamic : a + b;

@@ -145,6 +145,8 @@ class KinematicTree {
   const Vector3<Scalar>& axis(Index i) const noexcept { return driven(i).axis; }
   /// A point on the axis of joint `i`, in ⟨0⟩.
   const Vector3<Scalar>& axis_point(Index i) const noexcept { return driven(i).point; }
+  /// The joint's frame as joint `i` has moved it (the link's, `Joint::link_pose` apart), in ⟨0⟩.
+  const Pose<Scalar>& moved_frame(Index i) const noexcept { return driven(i).pose; }
 
   // --- base
 

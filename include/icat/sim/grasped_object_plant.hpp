@@ -63,10 +63,11 @@ class GraspedObjectPlant {
     acceleration_.setZero();
   }
 
-  /// One step of `dt` s under the generalized forces of both robots, as in
+  /// One step of `seconds`, > 0, under the generalized forces of both robots, as in
   /// `HydrodynamicPlant::step`. What is not finite, or would become so: refused, the state stays.
   /// No allocation.
-  Status step(const VectorN& first, const VectorN& second, Scalar dt) noexcept {
+  Status step(const VectorN& first, const VectorN& second, double seconds) noexcept {
+    const Scalar dt = static_cast<Scalar>(seconds);
     if (!(dt > Scalar(0)) || !std::isfinite(dt)) return Status::non_finite;  // 1/dt is needed
     const std::array<const VectorN*, 2> forces{&first, &second};
     const Scalar half = dt / Scalar(2);
@@ -89,7 +90,7 @@ class GraspedObjectPlant {
       const Status status = robot.begin(*forces[i], dt);
       if (status != Status::ok) return status;
       const auto at = robot.dynamics_.hand(grasps_[i]);
-      const Vector6<Scalar> error = difference(middle, robot.middle_.vehicle * at.pose);
+      const Vector6<Scalar> error = difference(middle, robot.next_.vehicle * at.pose);
 
       hand.Y = at.jacobian.transpose();
       robot.factor_.solve_lower(hand.Y);
@@ -116,16 +117,19 @@ class GraspedObjectPlant {
       wrenches[i] = hands[i].inertia.lazyProduct(hands[i].free - acceleration);
       robot.reduced_ -= hands[i].Y.lazyProduct(wrenches[i]);
       robot.factor_.solve_upper(robot.reduced_);
-      if (!robot.reduced_.allFinite()) return Status::numerical_failure;
-    }
-    for (auto& robot : robots_) {
-      const Status status = robot.finish(robot.reduced_, dt);
+      const Status status = robot.finish(dt);
       if (status != Status::ok) return status;
     }
+    const Vector6<Scalar> velocity = velocity_ + dt * acceleration;
+    const Pose<Scalar> pose = integrate<Scalar>(middle, velocity, half);
+    if (!velocity.allFinite() || !detail::all_finite(pose.matrix())) {
+      return Status::numerical_failure;
+    }
+    for (auto& robot : robots_) robot.accept();
     wrenches_ = wrenches;
     acceleration_ = acceleration;
-    velocity_ += dt * acceleration;
-    pose_ = integrate<Scalar>(middle, velocity_, half);
+    velocity_ = velocity;
+    pose_ = pose;
     return Status::ok;
   }
 
@@ -135,8 +139,7 @@ class GraspedObjectPlant {
   const Pose<Scalar>& object() const noexcept { return pose_; }
   /// Twist of ⟨o⟩ with respect to ⟨0⟩, components on ⟨o⟩.
   const Vector6<Scalar>& object_velocity() const noexcept { return velocity_; }
-  /// ⟨t_i⟩ in the end-effector frame ⟨e⟩ of robot `i`: the `tool` of its `Uvms` while it holds the
-  /// object.
+  /// ⟨t_i⟩ in the end-effector frame ⟨e⟩ of robot `i`: the tool's mount while it holds the object.
   const Pose<Scalar>& grasp(std::size_t i) const noexcept { return grasps_[i]; }
   /// w_i, which robot `i` exerted on the object in the last step: [N; N m] at the origin of ⟨o⟩,
   /// components on ⟨o⟩.

@@ -35,15 +35,15 @@ class HydrodynamicPlant {
 
   /// Where it starts.
   struct State {
-    VectorQ q{VectorQ::Zero()};                      ///< rad or m
-    Pose<Scalar> vehicle{Pose<Scalar>::Identity()};  ///< ⟨v⟩ in ⟨0⟩
-    VectorN velocity{VectorN::Zero()};               ///< ẏ
+    VectorQ q = Filled{0};                  ///< rad or m
+    Pose<Scalar> vehicle = IdentityPose{};  ///< ⟨v⟩ in ⟨0⟩
+    VectorN velocity = Filled{0};           ///< ẏ
   };
 
   /// @throws std::invalid_argument on a bad description (see `Dynamics`) or a start that is not
   /// finite or has no rotation.
   HydrodynamicPlant(const typename Dynamics::Description& description, const State& start)
-      : dynamics_(description), state_(start), middle_(start) {
+      : dynamics_(description), state_(start), next_(start) {
     if (!start.q.allFinite() || !start.velocity.allFinite() || !is_rigid(start.vehicle)) {
       detail::invalid("HydrodynamicPlant: the start is not finite or its pose not a rotation");
     }
@@ -53,11 +53,13 @@ class HydrodynamicPlant {
   /// One step of `dt` s under f = [τ; w] (N m or N; w at the origin of ⟨v⟩, components on ⟨v⟩),
   /// held over the step. What is not finite, or would become so: refused, the state stays. No
   /// allocation.
-  Status step(const VectorN& force, Scalar dt) noexcept {
-    const Status status = begin(force, dt);
+  Status step(const VectorN& force, double dt) noexcept {
+    Status status = begin(force, static_cast<Scalar>(dt));
     if (status != Status::ok) return status;
     factor_.solve_upper(reduced_);
-    return finish(reduced_, dt);
+    status = finish(static_cast<Scalar>(dt));
+    if (status == Status::ok) accept();
+    return status;
   }
 
   /// Joint positions, rad or m.
@@ -72,43 +74,55 @@ class HydrodynamicPlant {
   Vector6<Scalar> vehicle_velocity() const noexcept { return state_.velocity.template tail<6>(); }
   /// ÿ of the last step.
   const VectorN& acceleration() const noexcept { return acceleration_; }
-  /// The dynamics at the present state. Computed anew: for start-up, logs and tests.
-  Dynamics dynamics() const noexcept {
-    Dynamics now = dynamics_;
-    now.update(state_.q, state_.vehicle, state_.velocity);
-    return now;
+  /// The dynamics at the present state, until the next step. Computed when first asked for: for
+  /// start-up, logs and tests; so one plant is not for two threads at once. No allocation.
+  const Dynamics& dynamics() const noexcept {
+    if (!at_present_) {
+      at_present_ = dynamics_.update(state_.q, state_.vehicle, state_.velocity) == Status::ok;
+    }
+    return dynamics_;
   }
 
  private:
   // Holds its robots' steps open while it solves for the wrenches between them.
   friend class GraspedObjectPlant<Scalar, ArmDof>;
 
-  // To the midpoint; then reduced_ = L⁻¹(f − c) with M = L Lᵀ.
+  // A step has three parts: to the midpoint, then reduced_ = L⁻¹(f − c) with M = L Lᵀ, …
   Status begin(const VectorN& force, Scalar dt) noexcept {
     if (!force.allFinite() || !std::isfinite(dt)) return Status::non_finite;
-    middle_.velocity = state_.velocity + (dt / Scalar(2)) * acceleration_;
-    middle_.q = state_.q + (dt / Scalar(2)) * state_.velocity.template head<ArmDof>();
-    middle_.vehicle = integrate<Scalar>(state_.vehicle, vehicle_velocity(), dt / Scalar(2));
-    dynamics_.update(middle_.q, middle_.vehicle, middle_.velocity);
+    next_.velocity = state_.velocity + (dt / Scalar(2)) * acceleration_;
+    next_.q = state_.q + (dt / Scalar(2)) * state_.velocity.template head<ArmDof>();
+    next_.vehicle = integrate<Scalar>(state_.vehicle, vehicle_velocity(), dt / Scalar(2));
+    at_present_ = false;
+    if (dynamics_.update(next_.q, next_.vehicle, next_.velocity) != Status::ok) {
+      return Status::numerical_failure;
+    }
     if (!factor_.compute(dynamics_.mass_matrix())) return Status::numerical_failure;
     reduced_ = force - dynamics_.bias();
     factor_.solve_lower(reduced_);
     return Status::ok;
   }
 
-  // From the midpoint to the end of the step.
-  Status finish(const VectorN& acceleration, Scalar dt) noexcept {
-    const VectorN velocity = state_.velocity + dt * acceleration;
-    if (!velocity.allFinite()) return Status::numerical_failure;
-    acceleration_ = acceleration;
-    state_.velocity = velocity;
-    state_.q = middle_.q + (dt / Scalar(2)) * velocity.template head<ArmDof>();
-    state_.vehicle = integrate<Scalar>(middle_.vehicle, vehicle_velocity(), dt / Scalar(2));
-    return Status::ok;
+  // … to the end of the step, with ÿ in reduced_, …
+  Status finish(Scalar dt) noexcept {
+    next_.velocity = state_.velocity + dt * reduced_;
+    next_.q += (dt / Scalar(2)) * next_.velocity.template head<ArmDof>();
+    next_.vehicle = integrate<Scalar>(
+        next_.vehicle, Vector6<Scalar>(next_.velocity.template tail<6>()), dt / Scalar(2));
+    const bool finite = next_.velocity.allFinite() && next_.q.allFinite() &&
+                        detail::all_finite(next_.vehicle.matrix());
+    return finite ? Status::ok : Status::numerical_failure;
   }
 
-  Dynamics dynamics_;
-  State state_, middle_;
+  // … and from then on that is the state.
+  void accept() noexcept {
+    acceleration_ = reduced_;
+    state_ = next_;
+  }
+
+  mutable Dynamics dynamics_;
+  mutable bool at_present_{false};
+  State state_, next_;
   VectorN acceleration_, reduced_;
   detail::Cholesky<Scalar, ArmDof + 6> factor_;
 };

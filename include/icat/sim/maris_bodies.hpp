@@ -34,21 +34,23 @@ RigidBody<Scalar> maris_vehicle_body() {
 /// The links, in ⟨b⟩.
 template <class Scalar>
 std::array<RigidBody<Scalar>, 7> maris_link_bodies() {
-  struct Link {
-    double mass, length, x, from;
+  const auto arm = maris_arm<Scalar>();
+  const auto up = [](double z) {
+    return Vector3<Scalar>(Scalar(0), Scalar(0), static_cast<Scalar>(z));
   };
-  constexpr Link table[7] = {{8, 0.108, 0, 0.175},         {6, 0.105, 0, 0.283},
-                             {4, 0.3265, -0.07275, 0.388}, {3, 0.095, -0.1455, 0.7145},
-                             {3, 0.325, -0.1455, 0.8095},  {3, 0.132, -0.1455, 1.1345},
-                             {2, 0.021, -0.1455, 1.2665}};
+  const Vector3<Scalar> shoulder = arm.joints[1].point, elbow = arm.joints[3].point,
+                        wrist = arm.joints[5].point, end = arm.end_effector.translation();
+  // Where one link ends and the next begins.
+  const std::array<Vector3<Scalar>, 8> ends{
+      shoulder - up(0.108), shoulder, shoulder + up(0.105), elbow, elbow + up(0.095), wrist, end,
+      end + up(0.021)};
+  const std::array<Scalar, 7> mass{8, 6, 4, 3, 3, 3, 2};
+  const Scalar side = static_cast<Scalar>(0.1);
   std::array<RigidBody<Scalar>, 7> links;
   for (std::size_t i = 0; i < 7; ++i) {
-    const Link& link = table[i];
-    const Vector3<double> size(0.1, 0.1, link.length);
-    links[i] = cuboid<Scalar>(static_cast<Scalar>(link.mass), size.cast<Scalar>());
-    links[i].displaced_mass = static_cast<Scalar>(maris_buoyancy * link.mass);
-    links[i].pose.translation() =
-        Vector3<double>(link.x, 0, link.from + link.length / 2).cast<Scalar>();
+    links[i] = cuboid<Scalar>(mass[i], {side, side, ends[i + 1].z() - ends[i].z()});
+    links[i].displaced_mass = static_cast<Scalar>(maris_buoyancy) * mass[i];
+    links[i].pose.translation() = (ends[i] + ends[i + 1]) / Scalar(2);
   }
   return links;
 }
@@ -61,11 +63,11 @@ RigidBody<Scalar> maris_pipe_body() {
   return body;
 }
 
-/// The whole robot, with the arm of `robot` (`maris_arm`) and its mount.
+/// The whole robot, with `maris_arm` on its mount.
 template <class Scalar>
-typename VehicleManipulatorDynamics<Scalar, 7>::Description maris_dynamics(
-    const typename Uvms<Scalar, 7>::Description& robot) {
-  return {.robot = robot,
+typename VehicleManipulatorDynamics<Scalar, 7>::Description maris_dynamics() {
+  return {.arm = maris_arm<Scalar>(),
+          .arm_mount = maris_arm_mount<Scalar>(),
           .vehicle = maris_vehicle_body<Scalar>(),
           .links = maris_link_bodies<Scalar>()};
 }

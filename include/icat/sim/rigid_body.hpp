@@ -21,16 +21,16 @@ namespace icat {
 /// of mass. By default in vacuum.
 template <class Scalar>
 struct RigidBody {
-  Scalar mass{1};                                               ///< kg, > 0
-  Matrix3<Scalar> inertia{Matrix3<Scalar>::Identity()};         ///< at the centre of mass, kg m²
-  Vector6<Scalar> added_mass{Vector6<Scalar>::Zero()};          ///< kg, kg m²
-  Vector6<Scalar> linear_drag{Vector6<Scalar>::Zero()};         ///< d: N s/m, N m s/rad
-  Vector6<Scalar> quadratic_drag{Vector6<Scalar>::Zero()};      ///< D: N s²/m², N m s²/rad²
-  Scalar displaced_mass{0};                                     ///< m_d, kg; > mass: it floats
-  Vector3<Scalar> centre_of_buoyancy{Vector3<Scalar>::Zero()};  ///< c_b, m
+  Scalar mass{1};                                  ///< kg, > 0
+  Matrix3<Scalar> inertia = IdentityMatrix{};      ///< at the centre of mass, kg m²
+  Vector6<Scalar> added_mass = Filled{0};          ///< kg, kg m²
+  Vector6<Scalar> linear_drag = Filled{0};         ///< d: N s/m, N m s/rad
+  Vector6<Scalar> quadratic_drag = Filled{0};      ///< D: N s²/m², N m s²/rad²
+  Scalar displaced_mass{0};                        ///< m_d, kg; > mass: it floats
+  Vector3<Scalar> centre_of_buoyancy = Filled{0};  ///< c_b, m
   /// The body's frame in the frame it is fixed to: ⟨v⟩ for a vehicle, ⟨o⟩ for an object, and for a
   /// link of an arm the arm's base ⟨b⟩ at q = 0.
-  Pose<Scalar> pose{Pose<Scalar>::Identity()};
+  Pose<Scalar> pose = IdentityPose{};
 };
 
 /// Homogeneous cuboid; `size` (m) along x, y and z. In vacuum.
@@ -183,9 +183,11 @@ class Body {
   struct Placed {
     Matrix3<Scalar> A, C;  // linear and angular inertia at the centre of mass
     Vector3<Scalar> p;     // centre of mass
+    bool isotropic;        // A is a multiple of I
   };
   Placed place(const Matrix3<Scalar>& R, const Vector3<Scalar>& t) const noexcept {
     Placed at;
+    at.isotropic = isotropic_;
     at.p = R * centre_ + t;
     if (isotropic_) {
       at.A = A_;
@@ -196,12 +198,22 @@ class Body {
     return at;
   }
   /// In the frame it is fixed to.
-  Placed place() const noexcept { return {A_, C_, centre_}; }
+  Placed place() const noexcept { return {A_, C_, centre_, isotropic_}; }
 
   /// At the common origin.
   static SpatialInertia<Scalar> inertia(const Placed& at) noexcept {
     SpatialInertia<Scalar> m;
     m.A = at.A;
+    if (at.isotropic) {  // as links without added mass; a third of the work
+      const Scalar a = at.A(0, 0);
+      m.G = skew(Vector3<Scalar>(a * at.p));
+      for (Index i = 0; i < 3; ++i) {
+        const Index j = (i + 1) % 3, k = (i + 2) % 3;
+        m.I(i, i) = at.C(i, i) + a * (at.p(j) * at.p(j) + at.p(k) * at.p(k));
+        m.I(j, k) = m.I(k, j) = at.C(j, k) - a * at.p(j) * at.p(k);
+      }
+      return m;
+    }
     for (Index i = 0; i < 3; ++i) m.G.col(i) = at.p.cross(at.A.col(i));
     for (Index i = 0; i < 3; ++i) m.I.col(i) = at.C.col(i) + at.p.cross(m.G.row(i).transpose());
     return m;

@@ -28,8 +28,6 @@ class VehicleManipulatorDynamics {
  public:
   /// Scalar type.
   using Scalar = ScalarType;
-  /// Kinematics of the same robot.
-  using Robot = Uvms<Scalar, ArmDof>;
   /// Degrees of freedom.
   static constexpr int size = ArmDof + 6;
   /// Joint positions.
@@ -43,8 +41,8 @@ class VehicleManipulatorDynamics {
 
   /// What the robot is made of.
   struct Description {
-    /// Arm and arm mount; camera and tool do not matter here.
-    typename Robot::Description robot;
+    SerialArm<Scalar, ArmDof> arm;                ///< on its base ⟨b⟩
+    Pose<Scalar> arm_mount = IdentityPose{};      ///< ⟨b⟩ in ⟨v⟩
     RigidBody<Scalar> vehicle;                    ///< `pose` in ⟨v⟩
     std::array<RigidBody<Scalar>, ArmDof> links;  ///< moved by joint i; `pose` in ⟨b⟩ at q = 0
     Scalar gravity{static_cast<Scalar>(9.81)};    ///< along z of ⟨0⟩, m/s²
@@ -52,13 +50,19 @@ class VehicleManipulatorDynamics {
 
   /// Starts at q = 0, at rest, with ⟨v⟩ = ⟨0⟩.
   /// @throws std::invalid_argument on a body without positive mass and inertia, below-zero added
-  /// mass, drag or displacement, or poses that are none.
+  /// mass, drag or displacement, poses that are none, or a bad arm (see `KinematicTree`).
+  /// Allocates.
   explicit VehicleManipulatorDynamics(const Description& description)
       : VehicleManipulatorDynamics(description, std::make_index_sequence<ArmDof>()) {}
 
-  /// New state: joint positions (rad, m), pose of ⟨v⟩ in ⟨0⟩, ẏ. They are trusted. No allocation.
-  void update(const VectorQ& q, const Pose<Scalar>& vehicle, const VectorN& velocity) noexcept {
+  /// New state: joint positions (rad, m), pose of ⟨v⟩ in ⟨0⟩, ẏ. NaN, infinity or a matrix that is
+  /// no rotation: refused, the state stays. No allocation.
+  Status update(const VectorQ& q, const Pose<Scalar>& vehicle, const VectorN& velocity) noexcept {
     using detail::cross_motion;
+    if (!velocity.allFinite() || !detail::all_finite(vehicle.matrix())) return Status::non_finite;
+    if (!is_rigid(vehicle)) return Status::not_a_rotation;
+    if (const Status status = tree_.update(q); status != Status::ok) return status;
+    pose_ = vehicle;
     const Vector3<Scalar> g = vehicle.linear().transpose() * gravity_;
     Spatial V = Spatial::of(velocity.template tail<6>());
     Spatial a = Spatial::zero();  // with ÿ = 0, seen from where ⟨v⟩ is now
@@ -67,33 +71,25 @@ class VehicleManipulatorDynamics {
     std::array<Spatial, ArmDof>& screw = screws_;
     std::array<Spatial, ArmDof> force;
     std::array<detail::SpatialInertia<Scalar>, ArmDof> composite;
-    Matrix3<Scalar> R = arm_mount_.linear();
-    Vector3<Scalar> t = arm_mount_.translation();
-    const auto& joints = arm_.joints();
     for (std::size_t i = 0; i < ArmDof; ++i) {
-      const auto& joint = joints[i];
-      const Scalar position = q(static_cast<Index>(i));
-      const Scalar rate = velocity(static_cast<Index>(i));
-      const Vector3<Scalar> z = R * joint.axis;
-      if (joint.type == JointType::revolute) {
-        const Vector3<Scalar> p = R * joint.point + t;
-        R = (R * axis_rotation<Scalar>(joint.axis, position)).eval();
-        t = p - R * joint.point;
-        screw[i] = {p.cross(z), z};
+      const auto joint = static_cast<Index>(i);
+      const Vector3<Scalar>& z = tree_.axis(joint);
+      if (turns_[i]) {
+        screw[i] = {tree_.axis_point(joint).cross(z), z};
       } else {
-        t += position * z;
         screw[i] = {z, Vector3<Scalar>::Zero()};
       }
+      const Scalar rate = velocity(joint);
       const Spatial motion{rate * screw[i].linear, rate * screw[i].angular};
       a += cross_motion(V, motion);
       V += motion;
-      const auto at = links_[i].place(R, t);
+      const Pose<Scalar>& link = tree_.moved_frame(joint);
+      const Matrix3<Scalar> R = link.linear();
+      const auto at = links_[i].place(R, link.translation());
       force[i] = links_[i].wrench(at, R, V, a, g);
       composite[i] = detail::Body<Scalar>::inertia(at);
     }
-    end_effector_.linear() = R * end_effector_at_zero_.linear();
-    end_effector_.translation() = R * end_effector_at_zero_.translation() + t;
-    end_effector_.makeAffine();
+    end_effector_ = tree_.pose(tip_);
     end_effector_twist_ = V;
     end_effector_acceleration_ = a;
 
@@ -116,6 +112,7 @@ class VehicleManipulatorDynamics {
     mass_.template bottomRightCorner<6, 6>() = composite[0].matrix();
     base_force += force[0];
     bias_.template tail<6>() = base_force.vector();
+    return Status::ok;
   }
 
   /// M, size × size, symmetric: kg, kg m, kg m².
@@ -159,23 +156,13 @@ class VehicleManipulatorDynamics {
   Scalar kinetic_energy(const VectorN& velocity) const noexcept {
     return velocity.dot(mass_.lazyProduct(velocity)) / Scalar(2);
   }
-  /// Of weight and buoyancy, J, 0 with all centres at the origin of ⟨0⟩.
-  Scalar potential_energy(const VectorQ& q, const Pose<Scalar>& vehicle) const noexcept {
-    Scalar energy =
-        vehicle_.potential_energy(vehicle * vehicle_.place().p, vehicle.linear(), gravity_);
-    Pose<Scalar> frame = vehicle * arm_mount_;
-    const auto& joints = arm_.joints();
+  /// Of weight and buoyancy, J, 0 with all centres at the origin of ⟨0⟩, with the state given to
+  /// `update`.
+  Scalar potential_energy() const noexcept {
+    Scalar energy = vehicle_.potential_energy(pose_ * vehicle_.place().p, pose_.linear(), gravity_);
     for (std::size_t i = 0; i < ArmDof; ++i) {
-      const auto& joint = joints[i];
-      const Scalar position = q(static_cast<Index>(i));
-      if (joint.type == JointType::revolute) {
-        frame.translate(joint.point);
-        frame.rotate(axis_rotation<Scalar>(joint.axis, position));
-        frame.translate(-joint.point);
-      } else {
-        frame.translate(position * joint.axis);
-      }
-      energy += links_[i].potential_energy(frame * links_[i].place().p, frame.linear(), gravity_);
+      const Pose<Scalar> link = pose_ * tree_.moved_frame(static_cast<Index>(i));
+      energy += links_[i].potential_energy(link * links_[i].place().p, link.linear(), gravity_);
     }
     return energy;
   }
@@ -188,26 +175,32 @@ class VehicleManipulatorDynamics {
 
   template <std::size_t... I>
   VehicleManipulatorDynamics(const Description& description, std::index_sequence<I...>)
-      : arm_(description.robot.arm),
-        arm_mount_(description.robot.arm_mount),
-        end_effector_at_zero_(arm_.pose(VectorQ::Zero())),
+      : tree_(uvms<Scalar, ArmDof>(description.arm, {.arm = description.arm_mount})),
+        tip_(tree_.frame("end_effector")),
+        turns_{(description.arm.joints[I].type != JointType::prismatic)...},
         vehicle_(owner, "the vehicle", description.vehicle),
-        links_{detail::Body<Scalar>(owner, "link " + std::to_string(I), description.links[I])...},
+        links_{
+            detail::Body<Scalar>(owner, "link " + std::to_string(I), on_link(description, I))...},
         vehicle_inertia_(detail::Body<Scalar>::inertia(vehicle_.place())),
         gravity_(Scalar(0), Scalar(0), description.gravity) {
-    if (!is_rigid(arm_mount_)) {
-      detail::invalid(owner, ": the pose of the arm mount is not finite or not a rotation");
-    }
     if (!gravity_.allFinite()) {
       detail::invalid(owner, ": gravity must be finite, got ", description.gravity);
     }
-    update(VectorQ::Zero(), Pose<Scalar>::Identity(), VectorN::Zero());
+    (void)update(VectorQ::Zero(), Pose<Scalar>::Identity(), VectorN::Zero());
+  }
+
+  // Link i, fixed to the tree's frame: at q = 0 parallel to ⟨b⟩, its origin the joint's point.
+  static RigidBody<Scalar> on_link(const Description& description, std::size_t i) {
+    RigidBody<Scalar> body = description.links[i];
+    body.pose.translation() -= description.arm.joints[i].point;
+    return body;
   }
 
   static constexpr const char* owner = "VehicleManipulatorDynamics";
 
-  SerialChain<Scalar, ArmDof> arm_;
-  Pose<Scalar> arm_mount_, end_effector_at_zero_;
+  KinematicTree<Scalar, size> tree_;  // ⟨v⟩ stays on ⟨0⟩ here: all in ⟨v⟩
+  FrameId tip_;
+  std::array<bool, ArmDof> turns_;
   detail::Body<Scalar> vehicle_;
   std::array<detail::Body<Scalar>, ArmDof> links_;
   detail::SpatialInertia<Scalar> vehicle_inertia_;
@@ -215,6 +208,7 @@ class VehicleManipulatorDynamics {
 
   MatrixN mass_;
   VectorN bias_;
+  Pose<Scalar> pose_;  // of ⟨v⟩ in ⟨0⟩
   std::array<Spatial, ArmDof> screws_;
   Pose<Scalar> end_effector_;
   Spatial end_effector_twist_, end_effector_acceleration_;
