@@ -22,7 +22,8 @@ struct Archetype {
   static icat::Index dof() { return 2; }
 };
 static_assert(icat::Robot<Archetype>);
-static_assert(!icat::VehicleManipulator<Archetype>);
+static_assert(!icat::FramedRobot<Archetype> && !icat::JointedRobot<Archetype>);
+static_assert(!icat::MobileRobot<Archetype> && !icat::MassiveRobot<Archetype>);
 
 using Task = icat::task::FunctionTask<Archetype>;
 using Action = icat::Action<Archetype>;
@@ -34,10 +35,9 @@ class Tasks {
     for (auto& t : tasks_) {
       if (t.name() == name) return t;
     }
-    return tasks_.emplace_back(Archetype{},
-                               Task::Options{.name = name,
-                                             .evaluate = [](const Archetype&, auto&, auto&) {},
-                                             .objective = icat::Objective<double>::equal_to(0)});
+    return tasks_.emplace_back(
+        robot_, icat::Objective<double>::equal_to(0),
+        [](const Archetype&, Task::Values, Task::Block) {}, Task::Options{.name = name});
   }
   /// "A < D < C,E"
   Action action(const std::string& name, const std::string& list) {
@@ -50,6 +50,7 @@ class Tasks {
   }
 
  private:
+  Archetype robot_;
   std::deque<Task> tasks_;
 };
 
@@ -320,7 +321,7 @@ TEST(Transition, ThousandRandomSwitchSequencesNeverJump) {
   for (int sequence = 0; sequence < 1000; ++sequence) {
     SCOPED_TRACE(sequence);
     constexpr std::size_t count = 6;
-    icat::Transition<double> transition(count);
+    icat::Transition transition(count);
     std::vector<double> targets(count), last(count);
     double t = 10 * u(rng);
     for (auto& x : targets) x = rng() % 2 ? 1 : 0;
@@ -355,7 +356,7 @@ TEST(Transition, ThousandRandomSwitchSequencesNeverJump) {
 }
 
 TEST(Transition, TakesTheTimeItWasGiven) {
-  icat::Transition<double> transition(1);
+  icat::Transition transition(1);
   const std::vector<double> one{1}, zero{0};
   ASSERT_EQ(transition.set(zero, 5), icat::Status::ok);
   ASSERT_EQ(transition.start(one, 5, 2), icat::Status::ok);
@@ -369,8 +370,22 @@ TEST(Transition, TakesTheTimeItWasGiven) {
   EXPECT_TRUE(transition.finished());
 }
 
+// Seconds since 1970 leave nothing of a cycle in a float.
+TEST(Transition, EpochSeconds) {
+  constexpr double epoch = 1.76e9;
+  static_assert(static_cast<float>(epoch) == static_cast<float>(epoch + 1));
+  icat::Transition transition(1);
+  const std::vector<double> one{1};
+  ASSERT_EQ(transition.start(one, epoch, 1), icat::Status::ok);
+  ASSERT_EQ(transition.update(epoch + 0.5), icat::Status::ok);
+  EXPECT_NEAR(transition.values()[0], 0.5, 1e-6);
+  EXPECT_FALSE(transition.finished());
+  ASSERT_EQ(transition.update(epoch + 1), icat::Status::ok);
+  EXPECT_EQ(transition.values()[0], 1);
+}
+
 TEST(Transition, RefusesBadInput) {
-  icat::Transition<double> transition(2);
+  icat::Transition transition(2);
   const std::vector<double> targets{1, 0}, three{1, 0, 1};
   ASSERT_EQ(transition.set(targets, 1), icat::Status::ok);
   const std::vector<double> negative{-0.1, 0}, not_a_number{NAN, 0};
@@ -386,6 +401,8 @@ TEST(Transition, RefusesBadInput) {
   EXPECT_EQ(transition.update(NAN), icat::Status::non_finite);
   EXPECT_EQ(transition.update(1), icat::Status::ok);
   EXPECT_EQ(transition.values()[0], 1);
+  EXPECT_EQ(transition.values()[1], 0);
+  EXPECT_TRUE(transition.finished());  // nothing was started
 }
 
 }  // namespace

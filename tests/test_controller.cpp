@@ -1,111 +1,250 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The kinematic layer and the kinematic plant.
+// The kinematic layer: one TPIK over all columns, of which some may be given.
 #include <gtest/gtest.h>
 
 #include <icat/icat.hpp>
-#include <icat/sim/kinematic_plant.hpp>
 
 #include "support/allocation_counter.hpp"
-#include "support/states.hpp"
+#include "support/robots.hpp"
 
 namespace {
 
 using Robot = testing_support::Robot<double>;
+using Controller = icat::Controller<Robot>;
 using Objective = icat::Objective<double>;
 using icat::Status;
-using Vector6d = icat::Vector6<double>;
+using testing_support::message_of;
+using testing_support::moved;
 using Vector13d = icat::Vector<double, 13>;
+using Matrix13d = Eigen::Matrix<double, 13, 13>;
 namespace task = icat::task;
+
+Robot placed_robot() {
+  Robot robot = testing_support::make_robot<double>();
+  const auto s = testing_support::random_states<double>(3, 21)[1];
+  EXPECT_EQ(robot.update(s.q, s.vehicle), Status::ok);
+  return robot;
+}
+
+/// A row that yields NaN while it is told to.
+class Faulty : public icat::Task<Robot> {
+ public:
+  explicit Faulty(const Robot& robot) : Task(robot, "faulty", 3) {}
+  bool bad{false};
+
+ private:
+  void compute() noexcept override { reference_(1) = bad ? NAN : 0; }
+};
 
 class ControllerTest : public testing::Test {
  protected:
-  // Tasks are built here and not in place: bare braces there crash GCC 12.
-  ControllerTest()
-      : limits(robot, {.margin = 0.4, .gain = 0.5}),
-        attitude(robot, {.norm = Objective::at_most(0.2, 0.1)}),
-        tool(robot, {.gain = 0.5}),
-        vehicle(robot, {.gain = 0.5}),
-        still_arm(robot),
-        actions{{"reach", {{limits}, {attitude}, {tool}}},
-                {"travel", {{limits}, {attitude}, {vehicle}, {still_arm}}}} {
-    const auto s = testing_support::random_states<double>(3, 21)[1];
-    EXPECT_EQ(robot.update(s.q, s.vehicle), Status::ok);
-    icat::Pose<double> goal = robot.tool();
-    goal.translation() += icat::Vector3<double>(0.3, -0.2, 0.1);
-    tool.set_goal(goal);
-    vehicle.set_goal(testing_support::make_pose<double>(1, 1, 1, 0, 0, 1));
-    measured << 0.1, -0.05, 0.02, 0.01, 0.03, -0.04;
-  }
+  ControllerTest() { measured.setLinSpaced(0.05, -0.04); }
 
-  Robot robot = testing_support::make_robot<double>();
-  task::JointLimits<Robot> limits;
-  task::HorizontalAttitude<Robot> attitude;
-  task::ToolPose<Robot> tool;
-  task::VehiclePose<Robot> vehicle;
-  task::ArmMotionMinimality<Robot> still_arm;
-  std::vector<icat::Action<Robot>> actions;
-  Vector6d measured;
+  Robot robot = placed_robot();
+  icat::FrameId hand = robot.frame("tool");
+  task::JointLimits<Robot> limits{robot, {.margin = 0.4, .gain = 0.5}};
+  task::Attitude<Robot> attitude{robot, robot.base(), {.norm = Objective::at_most(0.2, 0.1)}};
+  task::FramePose<Robot> tool{
+      robot, hand, moved(robot.pose(hand), 0.3, -0.2, 0.1), {.name = "tool pose", .gain = 0.5}};
+  task::FramePose<Robot> vehicle{
+      robot, robot.base(), testing_support::make_pose<double>(1, 1, 1, 0, 0, 1), {.gain = 0.5}};
+  task::Minimality<Robot> still_arm{robot, icat::joint_columns(robot)};
+  std::vector<icat::Action<Robot>> actions{
+      {"reach", {{limits}, {attitude}, {tool}}},
+      {"travel", {{limits}, {attitude}, {vehicle}, {still_arm}}}};
+  Vector13d measured;
 
-  using Controller = icat::Controller<Robot>;
-
-  /// The same by hand.
-  Vector13d solve(const Vector13d& rho0, const Eigen::Matrix<double, 13, 13>& Q0) {
+  /// "reach" by hand.
+  Vector13d solve(const Vector13d& rho0, const Matrix13d& Q0) {
     icat::Tpik<double, 13> tpik;
     EXPECT_EQ(tpik.reset(rho0, Q0), Status::ok);
     for (icat::Task<Robot>* t :
          std::initializer_list<icat::Task<Robot>*>{&limits, &attitude, &tool}) {
-      t->update(robot);
+      t->update();
       EXPECT_EQ(tpik.add_level(t->jacobian(), t->activation(), t->reference()), Status::ok);
     }
     EXPECT_EQ(tpik.minimize_velocity(), Status::ok);
     return tpik.velocity();
+  }
+  /// "reach" by hand, some columns given.
+  Vector13d solve_given(const std::vector<int>& given, const Vector13d& velocity) {
+    Vector13d rho0 = Vector13d::Zero();
+    Matrix13d Q0 = Matrix13d::Identity();
+    for (const int c : given) {
+      rho0(c) = velocity(c);
+      Q0(c, c) = 0;
+    }
+    return solve(rho0, Q0);
   }
 };
 
 TEST_F(ControllerTest, WholeBodyEqualsTheSolver) {
   Controller controller(robot, actions);
   ASSERT_EQ(controller.start("reach", 0), Status::ok);
+  EXPECT_FALSE(controller.in_transition());
   ASSERT_EQ(controller.step(0), Status::ok);
-  const Vector13d expected = solve(Vector13d::Zero(), Eigen::Matrix<double, 13, 13>::Identity());
-  EXPECT_LT((controller.velocity() - expected).norm(), 1e-12);
+  EXPECT_FALSE(controller.in_transition());
+  EXPECT_LT((controller.velocity() - solve_given({}, measured)).norm(), 1e-12);
+  EXPECT_EQ(controller.command(), controller.velocity());
   EXPECT_EQ(controller.action(), "reach");
+  EXPECT_TRUE(controller.has("travel"));
+  EXPECT_FALSE(controller.has("fly"));
+  EXPECT_EQ(&controller.robot(), &robot);
   EXPECT_EQ(controller.report().status(), Status::ok);
+  // Nothing is given: what is measured does not matter.
+  const Vector13d before = controller.velocity();
+  ASSERT_EQ(controller.step(0, Vector13d::Constant(NAN)), Status::ok);
+  EXPECT_EQ(controller.velocity(), before);
 }
 
-TEST_F(ControllerTest, NonActuatedComponentsKeepTheirMeasuredVelocity) {
-  Controller controller(robot, actions, {.actuated = {true, true, true, false, false, true}});
+// --- given columns -------------------------------------------------------------------------------
+
+TEST_F(ControllerTest, GivenColumnsKeepTheirMeasuredVelocity) {
+  // Roll and pitch, as a block.
+  Controller controller(robot, actions, {.given = icat::ColumnRange{10, 2}});
   ASSERT_EQ(controller.start("reach", 0), Status::ok);
   ASSERT_EQ(controller.step(0, measured), Status::ok);
-  Vector13d rho0 = Vector13d::Zero();
-  Eigen::Matrix<double, 13, 13> Q0 = Eigen::Matrix<double, 13, 13>::Identity();
-  rho0.segment<2>(10) = measured.segment<2>(3);
-  Q0(10, 10) = Q0(11, 11) = 0;
-  EXPECT_LT((controller.velocity() - solve(rho0, Q0)).norm(), 1e-12);
-  EXPECT_EQ(controller.velocity().segment<2>(10), measured.segment<2>(3));
+  EXPECT_LT((controller.velocity() - solve_given({10, 11}, measured)).norm(), 1e-12);
+  EXPECT_EQ(controller.velocity().segment<2>(10), measured.segment<2>(10));
+  EXPECT_GT((controller.velocity() - solve_given({}, measured)).norm(), 0.01);
+  Vector13d expected = controller.velocity();
+  expected.segment<2>(10).setZero();
+  EXPECT_EQ(controller.command(), expected);
+  for (int c = 0; c < 13; ++c) EXPECT_EQ(controller.given(c), c == 10 || c == 11);
+  // Without a measurement they stand still.
+  ASSERT_EQ(controller.step(0), Status::ok);
+  EXPECT_LT((controller.velocity() - solve_given({10, 11}, Vector13d::Zero())).norm(), 1e-12);
+  EXPECT_EQ(controller.velocity(), controller.command());
 }
 
-TEST_F(ControllerTest, ParallelKeepsTheVehicleOfTpik1AndTheJointsOfTpik2) {
-  Controller controller(robot, actions, {.scheme = icat::Scheme::parallel});
+TEST_F(ControllerTest, GivenMayChangeAtRunTimeByNameOrColumn) {
+  Controller controller(robot, actions);
   ASSERT_EQ(controller.start("reach", 0), Status::ok);
-  ASSERT_EQ(controller.step(0, measured), Status::ok);
-  const Vector13d tpik1 = solve(Vector13d::Zero(), Eigen::Matrix<double, 13, 13>::Identity());
-  Vector13d rho0 = Vector13d::Zero();
-  rho0.tail<6>() = measured;
-  Eigen::Matrix<double, 13, 13> Q0 = Eigen::Matrix<double, 13, 13>::Zero();
-  Q0.topLeftCorner<7, 7>().setIdentity();
-  const Vector13d tpik2 = solve(rho0, Q0);
-  EXPECT_LT((controller.vehicle_velocity() - tpik1.tail<6>()).norm(), 1e-12);
-  EXPECT_LT((controller.joint_velocity() - tpik2.head<7>()).norm(), 1e-12);
-
-  // The arm's loop may run alone on a newer measurement.
-  const Vector6d newer = 2 * measured;
-  ASSERT_EQ(controller.step_arm(0.001, newer), Status::ok);
-  rho0.tail<6>() = newer;
-  EXPECT_LT((controller.joint_velocity() - solve(rho0, Q0).head<7>()).norm(), 1e-12);
-  EXPECT_LT((controller.vehicle_velocity() - tpik1.tail<6>()).norm(), 1e-12);
-  ASSERT_EQ(controller.step_vehicle(0.002, newer), Status::ok);
-  EXPECT_LT((controller.vehicle_velocity() - tpik1.tail<6>()).norm(), 1e-12);
+  const auto expect = [&](const std::vector<int>& given) {
+    ASSERT_EQ(controller.step(0, measured), Status::ok);
+    EXPECT_LT((controller.velocity() - solve_given(given, measured)).norm(), 1e-12);
+    for (const int c : given) {
+      EXPECT_EQ(controller.velocity()(c), measured(c));
+      EXPECT_EQ(controller.command()(c), 0);
+    }
+  };
+  expect({});
+  ASSERT_EQ(controller.set_given("joint3", true), Status::ok);
+  expect({2});
+  ASSERT_EQ(controller.set_given(12, true), Status::ok);
+  expect({2, 12});
+  ASSERT_EQ(controller.set_given(2, false), Status::ok);
+  expect({12});
+  EXPECT_EQ(controller.set_given("joint8", true), Status::unknown_joint);
+  EXPECT_EQ(controller.set_given("tool", true), Status::unknown_joint);
+  EXPECT_EQ(controller.set_given(13, true), Status::unknown_joint);
+  EXPECT_EQ(controller.set_given(-1, true), Status::unknown_joint);
+  expect({12});
+  ASSERT_EQ(controller.set_given(12, false), Status::ok);
+  expect({});
 }
+
+TEST_F(ControllerTest, BadGivenColumnsAreRefusedAtConstruction) {
+  const auto with = [&](std::vector<icat::Index> given) {
+    return message_of(
+        [&] { Controller(robot, actions, {.given = icat::Columns(std::move(given))}); });
+  };
+  EXPECT_EQ(with({3, 13}), "the given columns: column 13 is not among the robot's 13");
+  EXPECT_EQ(with({-1}), "the given columns: column -1 is not among the robot's 13");
+  EXPECT_EQ(with({3, 4, 3}), "the given columns: column 3 stands twice");
+}
+
+// [Coop, Eq. (31)] starts the iteration from what is given, [MARIS, III-B8] puts it on top.
+TEST_F(ControllerTest, BothFormulationsOfGivenColumnsAgree) {
+  const std::vector<std::vector<icat::Index>> sets{
+      {10, 11}, {2}, {0, 6, 12}, {7, 8, 9, 10, 11, 12}};
+  for (const auto& columns : sets) {
+    const icat::Columns given(columns);
+    task::GivenVelocity<Robot> on_top(robot, given);
+    auto with_task = actions;
+    for (auto& action : with_task) {
+      action.levels.insert(action.levels.begin(), icat::PriorityLevel<Robot>{on_top});
+    }
+    Controller coop(robot, actions, {.given = given}), maris(robot, with_task);
+    for (const auto& s : testing_support::all_states<double>(20, 22)) {
+      SCOPED_TRACE(s.name);
+      ASSERT_EQ(robot.update(s.q, s.vehicle), Status::ok);
+      ASSERT_EQ(coop.start("reach", 0), Status::ok);
+      ASSERT_EQ(maris.start("reach", 0), Status::ok);
+      icat::Vector<double, Eigen::Dynamic> velocity(given.size());
+      for (icat::Index i = 0; i < given.size(); ++i) velocity(i) = measured(given[i]);
+      ASSERT_EQ(on_top.set_velocity(velocity), Status::ok);
+      ASSERT_EQ(coop.step(0, measured), Status::ok);
+      ASSERT_EQ(maris.step(0), Status::ok);
+      EXPECT_LT((coop.velocity() - maris.velocity()).norm(), 1e-9);
+    }
+  }
+}
+
+// Case M5: a motor dies on the way; the others do its work.
+TEST_F(ControllerTest, TheOthersDoTheWorkOfADeadJoint) {
+  for (const bool bounded : {false, true}) {
+    robot = placed_robot();
+    Controller::Options options;
+    if (bounded) {
+      options.solver.bounds = {Vector13d::Constant(-0.5), Vector13d::Constant(0.5)};
+    }
+    Controller controller(robot, actions, options);
+    ASSERT_EQ(controller.switch_to("reach", 0, 0.5), Status::ok);
+    double stuck = 0;
+    for (int k = 0; k < 3000; ++k) {
+      if (k == 100) {
+        ASSERT_EQ(controller.set_given("joint3", true), Status::ok);
+        stuck = robot.position(2);
+      }
+      ASSERT_EQ(controller.step(0.01 * k), Status::ok);
+      if (k == 99) {
+        EXPECT_GT(std::abs(controller.velocity()(2)), 1e-3) << "it was needed";
+      }
+      if (k >= 100) {
+        ASSERT_EQ(controller.command()(2), 0);
+      }
+      ASSERT_EQ(testing_support::drive(robot, controller.velocity(), 0.01), Status::ok);
+    }
+    EXPECT_EQ(robot.position(2), stuck);
+    EXPECT_LT(testing_support::difference(robot.pose(hand), tool.goal()).norm(), 1e-5);
+  }
+}
+
+// A broken joint that sags is made up for as well, and the tool does not sag with it.
+TEST_F(ControllerTest, WhatADeadJointDoesIsMadeUpFor) {
+  Controller controller(robot, actions);
+  ASSERT_EQ(controller.set_given("joint3", true), Status::ok);
+  ASSERT_EQ(controller.start("reach", 0), Status::ok);
+  Vector13d sagging = Vector13d::Zero();
+  sagging(2) = 0.1;
+  ASSERT_EQ(controller.step(0, sagging), Status::ok);
+  EXPECT_EQ(controller.velocity()(2), 0.1);
+  EXPECT_LT((tool.jacobian() * controller.velocity() - tool.reference()).norm(), 1e-9);
+}
+
+TEST_F(ControllerTest, BoundsHoldInWhatMayBeChosen) {
+  Controller::Options options{.given = icat::joint_columns(robot, {"joint2"})};
+  options.solver.bounds = {Vector13d::Constant(-0.05), Vector13d::Constant(0.05)};
+  Controller controller(robot, actions, options);
+  ASSERT_EQ(controller.start("reach", 0), Status::ok);
+  Vector13d fast = Vector13d::Zero();
+  fast(1) = 0.4;  // outside
+  for (const auto& s : testing_support::all_states<double>(20, 23)) {
+    SCOPED_TRACE(s.name);
+    ASSERT_EQ(robot.update(s.q, s.vehicle), Status::ok);
+    ASSERT_EQ(controller.step(0, fast), Status::ok);
+    for (int c = 0; c < 13; ++c) {
+      if (c != 1) {
+        EXPECT_LE(std::abs(controller.velocity()(c)), 0.05);
+      }
+    }
+    EXPECT_EQ(controller.velocity()(1), 0.4);
+    EXPECT_EQ(controller.command()(1), 0);
+  }
+}
+
+// --- errors --------------------------------------------------------------------------------------
 
 TEST_F(ControllerTest, SwitchingBackAndForthNeverJumps) {
   Controller controller(robot, actions);
@@ -136,12 +275,15 @@ TEST_F(ControllerTest, SwitchingBackAndForthNeverJumps) {
 }
 
 TEST_F(ControllerTest, BadInputLeavesASafeVelocityAndNamesTheLevel) {
+  Faulty faulty(robot);
+  actions[0].levels.insert(actions[0].levels.begin() + 2, icat::PriorityLevel<Robot>{faulty});
   Controller controller(robot, actions);
   EXPECT_EQ(controller.step(0), Status::not_started);
   EXPECT_EQ(controller.velocity(), Vector13d::Zero());
   EXPECT_EQ(controller.start("nowhere", 0), Status::unknown_action);
   EXPECT_EQ(controller.switch_to("nowhere", 0, 1), Status::unknown_action);
   EXPECT_EQ(controller.switch_to("reach", 0, -1), Status::invalid_duration);
+  EXPECT_EQ(controller.start("reach", NAN), Status::non_finite);
   EXPECT_EQ(controller.action(), "");
   ASSERT_EQ(controller.start("reach", 1), Status::ok);
   ASSERT_EQ(controller.step(1), Status::ok);
@@ -149,60 +291,80 @@ TEST_F(ControllerTest, BadInputLeavesASafeVelocityAndNamesTheLevel) {
   const Vector13d before = controller.velocity();
   EXPECT_GT(before.norm(), 0);
   EXPECT_EQ(controller.step(0.5), Status::time_reversed);
-  EXPECT_EQ(controller.step_arm(0.99, measured), Status::time_reversed);
+  EXPECT_EQ(controller.step(0.99, measured), Status::time_reversed);
   EXPECT_EQ(controller.step(NAN), Status::non_finite);
+  EXPECT_EQ(controller.switch_to("travel", 0.5, 1), Status::time_reversed);
+  EXPECT_EQ(controller.action(), "reach");
   EXPECT_EQ(controller.velocity(), before);
 
-  icat::Pose<double> goal = tool.goal();
-  goal.translation().y() = NAN;
-  tool.set_goal(goal);
+  faulty.bad = true;
   EXPECT_EQ(controller.step(1.01), Status::non_finite);
   EXPECT_TRUE(controller.velocity().allFinite());
   const auto level = static_cast<std::size_t>(controller.report().failed_level());
-  EXPECT_EQ(controller.hierarchy()[level][0].task->name(), "tool pose");
+  EXPECT_EQ(controller.hierarchy()[level][0].task->name(), "faulty");
   EXPECT_EQ(controller.report().failed_row(), 1);
-  // What stands above the level at fault is still served: here nothing is active, so it rests.
-  Vector6d bad = measured;
-  bad(3) = NAN;
-  Controller passive(robot, actions, {.actuated = {true, true, true, false, true, true}});
+  // What stands above the level at fault is still served, what stands below is not.
+  icat::Tpik<double, 13> above;
+  for (icat::Task<Robot>* t : std::initializer_list<icat::Task<Robot>*>{&limits, &attitude}) {
+    ASSERT_EQ(above.add_level(t->jacobian(), t->activation(), t->reference()), Status::ok);
+  }
+  ASSERT_EQ(above.minimize_velocity(), Status::ok);
+  EXPECT_LT((controller.velocity() - above.velocity()).norm(), 1e-12);
+  // The goal of a task cannot be what is at fault: the task keeps the old one.
+  const icat::Pose<double> goal = tool.goal();
+  EXPECT_EQ(tool.set_goal(moved(goal, NAN, 0, 0)), Status::non_finite);
+  EXPECT_EQ(tool.goal().matrix(), goal.matrix());
+  // What is measured badly in a given column stops the robot.
+  Vector13d bad = measured;
+  bad(10) = NAN;
+  Controller passive(robot, actions, {.given = icat::ColumnRange{10, 1}});
   ASSERT_EQ(passive.start("travel", 0), Status::ok);
+  ASSERT_EQ(passive.step(0, measured), Status::ok);
+  EXPECT_NE(passive.velocity(), Vector13d::Zero());
   EXPECT_EQ(passive.step(0, bad), Status::non_finite);
   EXPECT_EQ(passive.velocity(), Vector13d::Zero());
+  EXPECT_EQ(passive.command(), Vector13d::Zero());
 }
 
 // What made a level be refused must not outlive the task's part in it.
 TEST_F(ControllerTest, RecoversWhenTheFaultIsGone) {
+  Faulty faulty(robot);
+  actions[0].levels.push_back({faulty});
   Controller controller(robot, actions);
-  const icat::Pose<double> good = tool.goal();
-  icat::Pose<double> bad = good;
-  bad.translation().x() = NAN;
   ASSERT_EQ(controller.start("reach", 0), Status::ok);
-  tool.set_goal(bad);
+  faulty.bad = true;
   EXPECT_EQ(controller.step(0.01), Status::non_finite);
   ASSERT_EQ(controller.switch_to("travel", 0.02, 0.5), Status::ok);
   EXPECT_EQ(controller.step(0.1), Status::non_finite);  // still fading out
   EXPECT_EQ(controller.step(0.6), Status::ok);
   EXPECT_GT(controller.velocity().norm(), 0);
-  tool.set_goal(good);
+  faulty.bad = false;
   ASSERT_EQ(controller.switch_to("reach", 0.7, 0.5), Status::ok);
   EXPECT_EQ(controller.step(1.0), Status::ok);
 }
 
+// A task of the user's that breaks what it yields; `FunctionTask` gets blocks and cannot.
+class Resizing : public icat::Task<Robot> {
+ public:
+  Resizing(const Robot& robot, icat::Index columns)
+      : Task(robot, "resizing", 2), columns_(columns) {}
+
+ private:
+  void compute() noexcept override {
+    if (columns_ == 13) {
+      reference_.resize(1);
+      return;
+    }
+    Jacobian more = Jacobian::Zero(3, 13);
+    jacobian_.swap(more);
+  }
+  icat::Index columns_;
+};
+
 TEST_F(ControllerTest, ATaskThatResizesWhatItYieldsIsRefused) {
-  using Function = task::FunctionTask<Robot>;
-  Function grows(robot, {.name = "grows",
-                         .evaluate =
-                             [](const Robot& r, Function::Rows&, Function::Jacobian& J) {
-                               J = r.tool_jacobian(icat::Frame::world).topRows<3>();
-                             },
-                         .objective = Objective::equal_to(0)});
-  Function shrinks(
-      robot, {.name = "shrinks",
-              .rows = 2,
-              .evaluate = [](const Robot&, Function::Rows& x, Function::Jacobian&) { x.resize(1); },
-              .objective = Objective::equal_to(0)});
-  for (Function* f : {&grows, &shrinks}) {
-    Controller controller(robot, {{"reach", {{limits}, {*f}, {tool}}}});
+  for (const icat::Index columns : {7, 13}) {
+    Resizing resizing(robot, columns);
+    Controller controller(robot, {{"reach", {{limits}, {resizing}, {tool}}}});
     ASSERT_EQ(controller.start("reach", 0), Status::ok);
     EXPECT_EQ(controller.step(0), Status::non_finite);
     EXPECT_EQ(controller.report().failed_level(), 1);
@@ -210,11 +372,44 @@ TEST_F(ControllerTest, ATaskThatResizesWhatItYieldsIsRefused) {
   }
 }
 
+// Case C8: the task would read the state of another robot.
+TEST_F(ControllerTest, ATaskOfAnotherRobotIsRefused) {
+  const Robot other = placed_robot();
+  task::FramePose<Robot> foreign(other, hand, other.pose(hand), {.name = "its tool"});
+  actions[1].levels[2] = {foreign};
+  EXPECT_EQ(message_of([&] { Controller(robot, actions); }),
+            "action 'travel': task 'its tool' belongs to another robot");
+  EXPECT_NO_THROW(Controller(other, {{"reach", {{foreign}}}}));
+}
+
+// Nothing outlives a robot that is a temporary.
+static_assert(std::is_constructible_v<Controller, const Robot&, std::vector<icat::Action<Robot>>>);
+static_assert(!std::is_constructible_v<Controller, Robot, std::vector<icat::Action<Robot>>>);
+static_assert(!std::is_constructible_v<Controller, Robot, std::vector<icat::Action<Robot>>,
+                                       Controller::Options>);
+
+// Case C9: what `auto` keeps is of its cycle, not of the next one.
+TEST_F(ControllerTest, AutoKeepsTheVelocityOfItsCycle) {
+  Controller controller(robot, actions, {.given = icat::ColumnRange{10, 2}});
+  ASSERT_EQ(controller.start("reach", 0), Status::ok);
+  ASSERT_EQ(controller.step(0, measured), Status::ok);
+  auto last = controller.velocity();
+  auto last_command = controller.command();
+  static_assert(std::is_same_v<decltype(last), Vector13d>);
+  static_assert(std::is_same_v<decltype(last_command), Vector13d>);
+  const Vector13d copy = last, copy_command = last_command;
+  ASSERT_EQ(controller.start("travel", 0), Status::ok);
+  ASSERT_EQ(controller.step(0, measured), Status::ok);
+  EXPECT_GT((controller.velocity() - last).norm(), 0.1);
+  EXPECT_EQ(last, copy);
+  EXPECT_EQ(last_command, copy_command);
+}
+
 TEST_F(ControllerTest, DoesNotAllocate) {
 #ifdef ICAT_TEST_NO_MALLOC_COUNT
   GTEST_SKIP() << "malloc belongs to the sanitizer";
 #endif
-  Controller controller(robot, actions, {.scheme = icat::Scheme::parallel});
+  Controller controller(robot, actions);
   const auto s = testing_support::random_states<double>(3, 22)[2];
   Status status = Status::not_started;
   EXPECT_EQ(count_allocations([&] {
@@ -222,6 +417,7 @@ TEST_F(ControllerTest, DoesNotAllocate) {
               for (int i = 0; i < 50; ++i) {
                 (void)robot.update(s.q, s.vehicle);
                 if (i == 5) (void)controller.switch_to("travel", 0.01 * i, 0.1);
+                if (i == 7) (void)controller.set_given("joint3", true);
                 status = controller.step(0.01 * i, measured);
               }
             }),
@@ -229,30 +425,135 @@ TEST_F(ControllerTest, DoesNotAllocate) {
   EXPECT_EQ(status, Status::ok);
 }
 
-TEST(KinematicPlant, HoldsVelocitiesOverTheStepAndLags) {
-  icat::KinematicPlant<double, 7>::Options options;
-  options.vehicle = testing_support::make_pose<double>(0, 0, 0, 0, 0, std::numbers::pi / 2);
-  options.current = [](double t) { return icat::Vector3<double>(t, 0, 0); };
-  options.actuated[4] = false;
-  icat::KinematicPlant<double, 7> plant(options);
-  Vector6d v;
-  v << 1, 0, 0, 0, 0.7, 0;
-  const icat::Vector<double, 7> qdot = icat::Vector<double, 7>::Constant(0.1);
-  plant.step(qdot, v, 2, 0.5);
-  EXPECT_NEAR(plant.q()(3), 0.05, 1e-15);
-  // Surge is along y of the world, the current of 2 m/s along x; pitch is not actuated.
-  EXPECT_LT((plant.vehicle().translation() - icat::Vector3<double>(1, 0.5, 0)).norm(), 1e-12);
-  EXPECT_NEAR(plant.vehicle_velocity()(0), 1, 1e-12);
-  EXPECT_NEAR(plant.vehicle_velocity()(1), -2, 1e-12);
-  EXPECT_EQ(plant.vehicle_velocity()(4), 0);
+// --- robots of other shapes ----------------------------------------------------------------------
 
-  options.current = {};
-  options.tracking_lag = 0.5;
-  icat::KinematicPlant<double, 7> slow(options);
-  for (int i = 0; i < 50; ++i) slow.step(qdot, v, 0.01 * i, 0.01);
-  EXPECT_NEAR(slow.vehicle_velocity()(0), 1 - std::exp(-1), 1e-12);
-  options.tracking_lag = -1;
-  EXPECT_THROW((icat::KinematicPlant<double, 7>(options)), std::invalid_argument);
+// Case M10: a float holds no cycle of 10 ms in seconds since 1970; times are double.
+TEST(ControllerOfFloat, EpochSeconds) {
+  using FloatRobot = testing_support::Robot<float>;
+  FloatRobot robot = testing_support::make_robot<float>();
+  const auto s = testing_support::random_states<float>(3, 21)[1];
+  ASSERT_EQ(robot.update(s.q, s.vehicle), Status::ok);
+  const icat::FrameId hand = robot.frame("tool");
+  const auto goal = moved(robot.pose(hand), 0.1, -0.2, 0.1);
+  task::FramePose<FloatRobot> tool(robot, hand, goal, {.gain = 1});
+  icat::Controller<FloatRobot> controller(robot, {{"reach", {{tool}}}});
+  const double epoch = 1.76e9;
+  ASSERT_EQ(controller.switch_to("reach", epoch, 1), Status::ok);
+  for (int k = 1; k <= 1500; ++k) {
+    ASSERT_EQ(controller.step(epoch + 0.01 * k), Status::ok);
+    EXPECT_EQ(controller.in_transition(), k < 100) << k;
+    if (k == 50) {
+      EXPECT_NEAR(controller.phase_activations()[0], 0.5, 1e-4);
+    }
+    ASSERT_EQ(testing_support::drive(robot, controller.velocity(), 0.01), Status::ok);
+  }
+  EXPECT_LT(testing_support::difference(robot.pose(hand), goal).norm(), 1e-3f);
+}
+
+// A fixed arm, of static size and of one known at run time; also with a dead joint, to a goal that
+// the others can reach.
+template <class Arm>
+void reach(Arm robot) {
+  for (const bool dead : {false, true}) {
+    const icat::FrameId hand = robot.frame("end_effector");
+    const Eigen::VectorXd start = testing_support::bent_arm();
+    Eigen::VectorXd there = start;
+    there << 0.5, 0.9, -0.1, -1.2, 0.1, 0.6, 0.4;
+    ASSERT_EQ(robot.update(there), Status::ok);
+    const icat::Pose<double> goal = robot.pose(hand);
+    ASSERT_EQ(robot.update(start), Status::ok);
+    task::JointLimits<Arm> limits(robot, {.margin = 0.05});
+    task::FramePose<Arm> tool(robot, hand, goal, {.gain = 2});
+    icat::Controller<Arm> controller(robot, {{"reach", {{limits}, {tool}}}});
+    EXPECT_EQ(controller.velocity().size(), 7);
+    ASSERT_EQ(controller.set_given("joint3", dead), Status::ok);
+    ASSERT_EQ(controller.start("reach", 0), Status::ok);
+    for (int k = 0; k < 1000; ++k) {
+      ASSERT_EQ(controller.step(0.01 * k), Status::ok);
+      ASSERT_EQ(testing_support::drive(robot, controller.velocity(), 0.01), Status::ok);
+    }
+    EXPECT_LT(testing_support::difference(robot.pose(hand), goal).norm(), 1e-6);
+    EXPECT_EQ(robot.position(2) == start(2), dead);
+  }
+}
+TEST(ControllerOfOtherRobots, FixedArm) {
+  reach(testing_support::fixed_arm());
+  reach(testing_support::Tree({.joints = icat::axes_chain(icat::maris_arm<double>())}));
+}
+
+// The least that a controller needs: no frames, no joints.
+struct Least {
+  using Scalar = double;
+  static constexpr int size = 2;
+  static icat::Index dof() { return 2; }
+};
+TEST(ControllerOfOtherRobots, TheLeastThatARobotCanBe) {
+  using Function = task::FunctionTask<Least>;
+  const Least robot;
+  Function sum(robot, Objective::equal_to(1),
+               [](const Least&, Function::Values x, Function::Block J) {
+                 x(0) = 0;
+                 J.setOnes();
+               });
+  icat::Controller<Least> controller(robot, {{"sum", {{sum}}}}, {.given = icat::ColumnRange{1, 1}});
+  ASSERT_EQ(controller.start("sum", 0), Status::ok);
+  ASSERT_EQ(controller.step(0, Eigen::Vector2d(7, 0.25)), Status::ok);
+  EXPECT_LT((controller.velocity() - Eigen::Vector2d(0.75, 0.25)).norm(), 1e-12);
+  EXPECT_LT((controller.command() - Eigen::Vector2d(0.75, 0)).norm(), 1e-12);
+}
+
+TEST(ControllerOfOtherRobots, TwoArmsAreTwoFramesOfOneTree) {
+  using Tree = testing_support::Tree;
+  Tree robot = testing_support::torso();
+  const icat::FrameId left = robot.frame("left_end_effector"),
+                      right = robot.frame("right_end_effector");
+  // The right hand keeps its place beside the left one, which moves.
+  const icat::Pose<double> between = robot.pose(left).inverse() * robot.pose(right);
+  const icat::Pose<double> goal = moved(robot.pose(left), 0.1, 0, -0.1);
+  task::JointLimits<Tree> limits(robot);
+  task::FramePose<Tree> together(robot, right, between, {.relative_to = left, .gain = 5});
+  task::FramePose<Tree> carry(robot, left, goal);
+  icat::Controller<Tree> controller(robot, {{"carry", {{limits}, {together}, {carry}}}});
+  ASSERT_EQ(controller.start("carry", 0), Status::ok);
+  for (int k = 0; k < 1500; ++k) {
+    ASSERT_EQ(controller.step(0.01 * k), Status::ok);
+    ASSERT_EQ(testing_support::drive(robot, controller.velocity(), 0.01), Status::ok);
+    EXPECT_LT(
+        (robot.pose(left).inverse() * robot.pose(right) * between.inverse()).translation().norm(),
+        1e-3);
+  }
+  EXPECT_LT(testing_support::difference(robot.pose(left), goal).norm(), 1e-5);
+  // A measurement of another size is refused, and the robot keeps its velocity.
+  const Eigen::VectorXd before = controller.velocity();
+  EXPECT_EQ(controller.step(15, Eigen::VectorXd::Zero(13)), Status::wrong_size);
+  EXPECT_EQ(controller.velocity(), before);
+}
+
+// The order of the columns is the robot's own.
+TEST(ControllerOfOtherRobots, PermutedColumnsGivePermutedVelocities) {
+  using Tree = testing_support::Tree;
+  using Permuted = testing_support::BaseFirst<Tree>;
+  const Tree tree = testing_support::mobile_arm(icat::Base<double>::surface());
+  const Permuted permuted(tree);
+  const auto run = [](const auto& robot, const Eigen::VectorXd& measured) -> Eigen::VectorXd {
+    using R = std::decay_t<decltype(robot)>;
+    const icat::FrameId hand = robot.frame("end_effector");
+    task::JointLimits<R> limits(robot, {.margin = 0.3});
+    task::Manipulability<R> dexterous(robot, hand, Objective::at_least(0.2, 0.05));
+    task::FramePose<R> tool(robot, hand, moved(robot.pose(hand), 0.3, 0.2, 0.1));
+    task::Minimality<R> still(robot, robot.base_columns());
+    icat::Controller<R> controller(robot, {{"reach", {{limits}, {dexterous}, {tool}, {still}}}});
+    EXPECT_EQ(controller.set_given("joint2", true), Status::ok);
+    EXPECT_EQ(controller.set_given(robot.base_columns().first + 1, true), Status::ok);
+    EXPECT_EQ(controller.start("reach", 0), Status::ok);
+    EXPECT_EQ(controller.step(0, measured), Status::ok);
+    return controller.velocity();
+  };
+  const Eigen::VectorXd measured = Eigen::VectorXd::LinSpaced(10, -0.1, 0.2);
+  const Eigen::VectorXd expected = run(tree, measured);
+  EXPECT_GT(expected.norm(), 0.1);
+  EXPECT_LT((run(permuted, permuted.permuted(measured)) - permuted.permuted(expected)).norm(),
+            1e-10);
 }
 
 }  // namespace

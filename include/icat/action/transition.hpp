@@ -33,7 +33,8 @@ class Transition {
     if (const Status status = check(values); status != Status::ok) return status;
     if (!std::isfinite(now)) return Status::non_finite;
     for (std::size_t i = 0; i < count(); ++i) start_[i] = target_[i] = value_[i] = values[i];
-    begin_ = now_ = now;
+    begin_ = -infinity<double>;  // long over
+    now_ = now;
     return Status::ok;
   }
 
@@ -80,7 +81,7 @@ class Transition {
   }
 
   std::vector<double> start_, target_, value_;
-  double begin_{0}, duration_{1}, now_{-infinity<double>};
+  double begin_{-infinity<double>}, duration_{1}, now_{-infinity<double>};
 };
 
 }  // namespace icat

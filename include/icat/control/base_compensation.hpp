@@ -113,6 +113,8 @@ class BaseCompensation {
     for (Index i = 0; i < wanted_.size(); ++i) {
       wanted_(i) = rho(i);
       for (Index j = 0; j < base_.count; ++j) wanted_(i) += P(i, j) * measured(j);
+      // Nothing may be commanded there, not even what rounding leaves.
+      if (tpik_.is_given(columns_[static_cast<std::size_t>(i)])) wanted_(i) = Scalar(0);
     }
     if (!detail::all_finite(wanted_)) return joint_velocity_;
     if (!bounds_) {

@@ -42,8 +42,8 @@ class KinematicTree {
 
   /// What the robot is made of.
   struct Description {
-    std::vector<Joint<Scalar>> joints;  ///< in any order
-    Base<Scalar> base{};                ///< fixed by default: what the root can do
+    std::vector<Joint<Scalar>> joints = std::initializer_list<Joint<Scalar>>{};  ///< in any order
+    Base<Scalar> base{};  ///< fixed by default: what the root can do
     std::vector<LinkMass<Scalar>> masses =
         std::initializer_list<LinkMass<Scalar>>{};  ///< of some links, or none
     std::string root = "";  ///< name of the root link; needed only where there are no joints
