@@ -179,9 +179,7 @@ class Agent {
     take(same ? own_.velocity() : second_.velocity(), false);
     if constexpr (MobileRobot<R>) {
       if (compensation_) {
-        const ColumnRange base = robot_.base_columns();
-        const Status joints =
-            compensation_->solve(second_.levels(), measured.segment(base.first, base.count));
+        const Status joints = compensation_->solve_for(second_.levels(), measured);
         take(compensation_->velocity(), true);
         if (status == Status::ok) status = joints;
       }
