@@ -115,10 +115,15 @@ class Agent {
   Agent(const Agent&) = delete;
   Agent& operator=(const Agent&) = delete;
 
-  /// As `Controller::start`. A refusal changes nothing.
+  /// As `Controller::start`. A refusal changes nothing. At a time before the last one it starts
+  /// anew: what was agreed before counts as old.
   Status start(std::string_view action, double time) noexcept {
     const Status status = own_.start(action, time);
     if (status != Status::ok) return status;
+    if (time < last_time_) {
+      agreement_.restart(time);
+      last_time_ = -infinity<double>;
+    }
     second_time_ = time;
     return second_.start(action, time);
   }
