@@ -115,14 +115,21 @@ class Agent {
   Agent(const Agent&) = delete;
   Agent& operator=(const Agent&) = delete;
 
-  /// As `Controller::start`. A refusal changes nothing.
+  /// As `Controller::start`. A refusal changes nothing. At a time before the last one it starts
+  /// anew: what was agreed before counts as old.
   Status start(std::string_view action, double time) noexcept {
     const Status status = own_.start(action, time);
-    return status == Status::ok ? second_.start(action, time) : status;
+    if (status != Status::ok) return status;
+    if (time < last_time_) {
+      agreement_.restart(time);
+      last_time_ = -infinity<double>;
+    }
+    second_time_ = time;
+    return second_.start(action, time);
   }
   /// As `Controller::switch_to`. A refusal changes nothing.
   Status switch_to(std::string_view action, double time, double duration) noexcept {
-    if (time < last_time_) return Status::time_reversed;
+    if (time < second_time_) return Status::time_reversed;
     const Status status = own_.switch_to(action, time, duration);
     return status == Status::ok ? second_.switch_to(action, time, duration) : status;
   }
@@ -170,7 +177,7 @@ class Agent {
     Vector6<Scalar> commanded = filter_.value();
     for (Index i = 0; i < 6; ++i) commanded(i) += correction(i);
     (void)agreed_velocity_.set_velocity(commanded);
-    Status status = second_.update(time);
+    Status status = update_second(time);
     if (status != Status::ok) return status;
     // Alone and settled, both hierarchies are the same.
     const bool same =
@@ -179,9 +186,7 @@ class Agent {
     take(same ? own_.velocity() : second_.velocity(), false);
     if constexpr (MobileRobot<R>) {
       if (compensation_) {
-        const ColumnRange base = robot_.base_columns();
-        const Status joints =
-            compensation_->solve(second_.levels(), measured.segment(base.first, base.count));
+        const Status joints = compensation_->solve_for(second_.levels(), measured);
         take(compensation_->velocity(), true);
         if (status == Status::ok) status = joints;
       }
@@ -193,7 +198,7 @@ class Agent {
   /// `step`: after it `joint_velocity(measured)` answers every new measurement of the base.
   Status step_joint_law(double time) noexcept requires MobileRobot<R> {
     if (!compensation_) return Status::not_started;
-    const Status status = second_.update(time);
+    const Status status = update_second(time);
     return status == Status::ok ? compensation_->solve_law(second_.levels()) : status;
   }
   /// See `BaseCompensation::joint_velocity`; only with compensation.
@@ -246,6 +251,11 @@ class Agent {
       }
     }
     return shared.front().tool.get().frame();
+  }
+  Status update_second(double time) noexcept {
+    const Status status = second_.update(time);
+    if (status == Status::ok) second_time_ = time;
+    return status;
   }
   const Velocity& still_velocity() noexcept {
     detail::fill(measured_, Scalar(0));
@@ -387,7 +397,8 @@ class Agent {
   Velocity measured_, velocity_, command_;
   Sensitivity sensitivity_;
   std::vector<ToolEntry> tools_;
-  double last_time_{-infinity<double>};
+  // Of the last step, and of the second hierarchy, which the law moves on too.
+  double last_time_{-infinity<double>}, second_time_{-infinity<double>};
   std::size_t top_entry_{static_cast<std::size_t>(-1)}, last_tool_level_{0};
   Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> extended_;
 };

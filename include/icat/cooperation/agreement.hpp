@@ -116,6 +116,14 @@ class Agreement {
     return velocity_;
   }
 
+  /// The caller's clock was set back to `time`, finite: what was agreed on counts as too old.
+  void restart(double time) noexcept {
+    agreed_until_ = -infinity<double>;
+    agreed_ = false;
+    from_ = velocity_;
+    begin_ = last_time_ = time;
+  }
+
   /// Of the last `update`.
   const Vector6<Scalar>& velocity() const noexcept { return velocity_; }
   /// There is an agreement that is not too old; otherwise the agent falls back.

@@ -43,7 +43,6 @@ class CentralizedController {
   /// @throws std::invalid_argument on bad actions or options. Allocates.
   CentralizedController(const std::vector<Member>& members, const Options& options)
       : tpik_(total_dof(members), stacked(options, members)) {
-    if (members.size() < 2) detail::invalid("CentralizedController: needs at least two robots");
     for (const auto& m : members) {
       tools_.push_back(m.tool);
       velocities_.push_back(detail::zeros<Velocity>(m.robot.get().dof()));
@@ -133,6 +132,7 @@ class CentralizedController {
   using Solver = Tpik<Scalar, Eigen::Dynamic, Regularization>;
 
   static Index total_dof(const std::vector<Member>& members) {
+    if (members.size() < 2) detail::invalid("CentralizedController: needs at least two robots");
     Index n = 0;
     for (const auto& m : members) n += m.robot.get().dof();
     return n;

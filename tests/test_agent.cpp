@@ -1,0 +1,640 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Agents, and the centralised baseline, with the papers' robot.
+#include <gtest/gtest.h>
+
+#include <icat/icat.hpp>
+#include <memory>
+
+#include "support/robots.hpp"
+
+namespace {
+
+using Robot = icat::KinematicTree<double, 13>;
+using Agent = icat::Agent<Robot>;
+using Central = icat::CentralizedController<Robot>;
+using Vector6 = icat::Vector6<double>;
+using Vector13d = icat::Vector<double, 13>;
+using Pose = icat::Pose<double>;
+using icat::Status;
+using testing_support::message_of;
+using testing_support::moved;
+namespace task = icat::task;
+
+Vector6 twist(double x, double y, double z, double wx = 0, double wy = 0, double wz = 0) {
+  Vector6 v;
+  v << x, y, z, wx, wy, wz;
+  return v;
+}
+/// Of the vehicle, among zeros.
+Vector13d of_vehicle(const Vector6& v) {
+  Vector13d all = Vector13d::Zero();
+  all.tail<6>() = v;
+  return all;
+}
+
+/// What cannot be solved while it is told so.
+class Faulty : public icat::Task<Robot> {
+ public:
+  explicit Faulty(const Robot& robot) : Task(robot, "faulty", 1) { activation_(0) = 0; }
+  bool bad{false};
+
+ private:
+  void compute() noexcept override { reference_(0) = bad ? NAN : 0; }
+};
+
+Pose object() { return testing_support::make_pose<double>(0.4, 0.1, 1.5, 0, 0, 0); }
+
+/// Its tool is the object's frame, which has the world's orientation.
+Robot holding(double yaw) {
+  Robot robot = icat::uvms(icat::maris_arm<double>(), {.arm = icat::maris_arm_mount<double>()});
+  EXPECT_EQ(robot.update(testing_support::bent_arm(),
+                         testing_support::make_pose<double>(0, 0, 0, 0, 0, yaw)),
+            Status::ok);
+  const icat::FrameId end = robot.frame("end_effector");
+  EXPECT_EQ(robot.set_frame(robot.frame("tool"), end, robot.pose(end).inverse() * object()),
+            Status::ok);
+  return robot;
+}
+
+/// A robot that holds an object somewhere in front of it, with a task that keeps the tool from
+/// rising: a lower bound on its depth, as a ceiling of rock would be.
+struct Holder {
+  Holder(double yaw, double shallowest, const Vector6& way)
+      : robot(holding(yaw)),
+        hand(robot.frame("tool")),
+        ceiling(robot, icat::Objective<double>::at_least(shallowest, 0.1),
+                [frame = hand](const Robot& r, auto x, auto J) {
+                  x(0) = r.pose(frame).translation().z();
+                  J.row(0) = r.jacobian(frame).row(2);
+                },
+                {.name = "ceiling"}),
+        tool(robot, hand, moved(object(), way(0), way(1), way(2)), {.name = "tool", .gain = 0.5}),
+        faulty(robot),
+        still_vehicle(robot, robot.base_columns()) {}
+  Holder(const Holder&) = delete;
+
+  std::vector<icat::Action<Robot>> actions() {
+    return {{"alone", {{faulty}, {ceiling}, {tool}, {still_vehicle}}},
+            {"carry", {{faulty}, {ceiling}, {tool}, {still_vehicle}}}};
+  }
+  /// ẋ_t for ẏ, components on ⟨t⟩, which are the world's.
+  Vector6 tool_velocity(const Vector13d& velocity) const { return robot.jacobian(hand) * velocity; }
+
+  Robot robot;
+  icat::FrameId hand;
+  task::FunctionTask<Robot> ceiling;
+  task::FramePose<Robot> tool;
+  Faulty faulty;
+  task::Minimality<Robot> still_vehicle;
+};
+
+struct Pair {
+  // a, at a depth of 1.5 m, is 2 cm too close to its ceiling; b does not know of it.
+  explicit Pair(bool spans, bool compensation = false, const Vector6& way = twist(0.3, -0.2, -0.4),
+                icat::Columns given = {})
+      : a(0.3, 1.52, way), b(2.5, -10, way) {
+    std::size_t i = 0;
+    for (Holder* h : {&a, &b}) {
+      agents.push_back(std::make_unique<Agent>(
+          h->robot, h->actions(), std::vector<icat::SharedAction<Robot>>{{"carry", h->tool}},
+          Agent::Options{.controller = {.given = given},
+                         .compensation = compensation,
+                         .agreement = {.index = i++, .spans = spans, .fade = 0.01}}));
+    }
+  }
+  void start(const char* action, double time = 0) {
+    for (auto& agent : agents) ASSERT_EQ(agent->start(action, time), Status::ok);
+  }
+  void cycle(double t, const Vector13d& measured = Vector13d::Zero()) {
+    const long long round = round_++;
+    for (auto& agent : agents) ASSERT_EQ(agent->propose(t, measured), Status::ok);
+    ASSERT_EQ(agents[1]->receive(0, round, agents[0]->send(round)), Status::ok);
+    ASSERT_EQ(agents[0]->receive(1, round, agents[1]->send(round)), Status::ok);
+    for (auto& agent : agents) ASSERT_EQ(agent->step(t, measured), Status::ok);
+  }
+  const Holder& holder(std::size_t i) const { return i == 0 ? a : b; }
+  Vector6 tool_velocity(std::size_t i) const {
+    return holder(i).tool_velocity(agents[i]->velocity());
+  }
+  Holder a, b;
+  std::vector<std::unique_ptr<Agent>> agents;
+  long long round_ = 0;
+};
+
+TEST(Agent, BothCommandTheAgreedToolVelocity) {
+  Pair pair(false);
+  pair.start("carry");
+  for (int k = 0; k < 5; ++k) pair.cycle(0.01 * k);
+  const Vector6 agreed = pair.agents[0]->agreed_velocity();
+  EXPECT_EQ(agreed, pair.agents[1]->agreed_velocity());
+  EXPECT_GT(agreed.norm(), 0.05);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_LT((pair.tool_velocity(i) - agreed).norm(), 1e-12);
+    EXPECT_EQ(pair.agents[i]->agreement_activation(), 1);
+    EXPECT_EQ(pair.agents[i]->command(), pair.agents[i]->velocity());
+  }
+  // ẋ̄ on ⟨t⟩, which has the world's orientation here: γ times the way to go.
+  EXPECT_LT((pair.agents[1]->desired() - 0.5 * twist(0.3, -0.2, -0.4)).norm(), 1e-12);
+}
+
+// Beyond the paper: the mean pulls the tool of a through its ceiling, the intersection does not.
+TEST(Agent, TheMeanDisturbsASafetyTaskTheIntersectionOfSpansDoesNot) {
+  for (const bool spans : {false, true}) {
+    Pair pair(spans);
+    pair.start("carry");
+    for (int k = 0; k < 5; ++k) pair.cycle(0.01 * k);
+    const double wanted = pair.a.ceiling.reference()(0);
+    ASSERT_EQ(pair.a.ceiling.activation()(0), 1);
+    ASSERT_GT(wanted, 0);  // down, away from it
+    // Alone a would keep it.
+    EXPECT_NEAR(pair.agents[0]->own().report().levels()[1].tracking_error, 0, 1e-9);
+    const double sinking = pair.tool_velocity(0)(2);
+    if (spans) {
+      EXPECT_NEAR(sinking, wanted, 1e-6);  // float32
+      // And what is free is still the mean.
+      EXPECT_NEAR(pair.tool_velocity(0)(0), 0.15, 1e-6);
+      EXPECT_NEAR(pair.tool_velocity(0)(1), -0.1, 1e-6);
+    } else {
+      EXPECT_LT(sinking, -0.02);  // up, against it
+    }
+    EXPECT_LT((pair.tool_velocity(0) - pair.tool_velocity(1)).norm(), 1e-12);
+  }
+}
+
+TEST(Agent, TransitionsAreContinuousAndAloneIsThePlainController) {
+  Pair pair(true);
+  std::array<Vector13d, 2> last;
+  const double dt = 1e-3;
+  pair.start("alone");
+  for (int k = 0; k <= 3000; ++k) {
+    const double t = k * dt;
+    for (auto& agent : pair.agents) {
+      if (k == 500 || k == 1900) {
+        ASSERT_EQ(agent->switch_to(k == 500 ? "carry" : "alone", t, 1), Status::ok);
+      }
+    }
+    pair.cycle(t);
+    for (std::size_t i = 0; i < 2; ++i) {
+      const auto& v = pair.agents[i]->velocity();
+      // The robots stand still, so only the activations change.
+      if (k > 0) {
+        EXPECT_LT((v - last[i]).norm(), 0.02) << k;
+      }
+      last[i] = v;
+    }
+    if (k == 400 || k == 3000) {
+      for (auto& agent : pair.agents) {
+        EXPECT_EQ(agent->agreement_activation(), 0);
+        EXPECT_EQ(agent->velocity(), agent->own().velocity());
+        EXPECT_LT((agent->second().velocity() - agent->own().velocity()).norm(),
+                  k == 400 ? 10.0 : 1e-9);  // not solved before the first transition
+      }
+    }
+  }
+}
+
+TEST(Agent, TheArmMakesUpForTheVehicle) {
+  Pair pair(false, true);
+  pair.start("carry");
+  const Vector6 measured = twist(0.05, -0.03, 0.02, 0.01, 0.02, -0.01);
+  for (int k = 0; k < 5; ++k) pair.cycle(0.01 * k, of_vehicle(measured));
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Holder& h = pair.holder(i);
+    Agent& agent = *pair.agents[i];
+    // What goes to the vehicle is of the second hierarchy.
+    EXPECT_EQ(agent.velocity().tail<6>(), agent.second().velocity().tail<6>());
+    Vector13d actual = agent.velocity();
+    actual.tail<6>() = measured;
+    EXPECT_LT((h.tool_velocity(actual) - agent.agreed_velocity()).norm(), 1e-9);
+    // The law of Eq. (24) says the same, and goes on saying it without a solver.
+    ASSERT_EQ(agent.step_joint_law(0.05), Status::ok);
+    EXPECT_LT((agent.joint_velocity(measured) - agent.velocity().head<7>()).norm(), 1e-9);
+    actual.tail<6>() = -2 * measured;
+    actual.head<7>() = agent.joint_velocity(-2 * measured);
+    EXPECT_LT((h.tool_velocity(actual) - agent.agreed_velocity()).norm(), 1e-9);
+    EXPECT_TRUE(agent.joint_velocity(Vector6::Constant(NAN)).isZero());
+    EXPECT_TRUE(agent.joint_velocity(Vector13d::Zero()).isZero());
+  }
+  Pair without(false);
+  without.start("carry");
+  EXPECT_EQ(without.agents[0]->step_joint_law(0), Status::not_started);
+}
+
+// Given columns: measured in `velocity`, also in the compensation, and never commanded.
+TEST(Agent, GivenColumns) {
+  for (const bool compensation : {false, true}) {
+    SCOPED_TRACE(compensation);
+    Pair pair(false, compensation, twist(0.3, -0.2, 0.4), icat::Columns({2, 10, 11}));
+    pair.start("carry");
+    const Vector13d measured = Vector13d::LinSpaced(0.03, -0.02);
+    for (int k = 0; k < 5; ++k) pair.cycle(0.01 * k, measured);
+    for (std::size_t i = 0; i < 2; ++i) {
+      const Agent& agent = *pair.agents[i];
+      Vector13d command = agent.velocity();
+      for (const int c : {2, 10, 11}) {
+        EXPECT_EQ(agent.velocity()(c), measured(c)) << c;
+        command(c) = 0;
+      }
+      EXPECT_EQ(agent.command(), command);
+      Vector13d actual = agent.velocity();
+      if (compensation) actual.tail<6>() = measured.tail<6>();
+      // The six joints that are left to the compensation are regularized a little.
+      EXPECT_LT((pair.holder(i).tool_velocity(actual) - agent.agreed_velocity()).norm(),
+                compensation ? 1e-5 : 1e-9);
+    }
+  }
+}
+
+TEST(Agent, FilterAndCorrection) {
+  Pair pair(false);
+  auto& plain = *pair.agents[0];
+  Agent slow(pair.a.robot, pair.a.actions(), {{"carry", pair.a.tool}},
+             {.agreement = {.fade = 0.01}, .filter = 0.5});
+  pair.start("carry");
+  ASSERT_EQ(slow.start("carry", 0), Status::ok);
+  const double dt = 0.01;
+  for (int k = 0; k <= 100; ++k) {
+    pair.cycle(dt * k);
+    ASSERT_EQ(slow.propose(dt * k), Status::ok);
+    (void)slow.send(k);
+    ASSERT_EQ(slow.receive(1, k, pair.agents[1]->send(k)), Status::ok);
+    const Vector6 correction = twist(0, 0.01, 0);
+    ASSERT_EQ(slow.step(dt * k, Vector13d::Zero(), correction), Status::ok);
+    const Vector6 commanded = pair.a.tool_velocity(slow.velocity());
+    EXPECT_LT((commanded - correction - slow.agreed_velocity()).norm(), 1e-12);
+  }
+  // The input was there from 0.01 s on, at 0 s it faded in.
+  const Vector6 expected = (1 - std::exp(-1.0 / 0.5)) * plain.agreed_velocity();
+  EXPECT_LT((slow.agreed_velocity() - expected).norm(), 1e-3);
+  EXPECT_THROW(Agent(pair.a.robot, pair.a.actions(), {{"carry", pair.a.tool}}, {.filter = -1}),
+               std::invalid_argument);
+}
+
+TEST(Agent, RefusesWhatCannotBeShared) {
+  Holder h(0, 1, Vector6::Zero()), foreign(1, 1, Vector6::Zero());
+  const auto with = [&](std::vector<icat::SharedAction<Robot>> shared,
+                        std::vector<icat::Action<Robot>> actions) {
+    return message_of([&] { Agent(h.robot, actions, shared, Agent::Options{}); });
+  };
+  EXPECT_EQ(with({{"carry", h.tool}}, h.actions()), "no exception");
+  EXPECT_EQ(with({}, h.actions()), "Agent: no action is shared");
+  EXPECT_EQ(with({{"fly", h.tool}}, h.actions()), "Agent: no action 'fly' to be shared");
+  EXPECT_EQ(with({{"carry", h.tool}, {"carry", h.tool}}, h.actions()),
+            "Agent: action 'carry' does not contain task 'tool' or is shared twice");
+  task::FramePose<Robot> other(h.robot, h.hand, object(), {.name = "other"});
+  EXPECT_EQ(with({{"carry", other}}, h.actions()),
+            "Agent: action 'carry' does not contain task 'other' or is shared twice");
+  const auto norm = icat::Objective<double>::at_most(0.1, 0.05);
+  task::FramePose<Robot> norm_form(h.robot, h.hand, object(),
+                                   {.name = "norm", .norms = {{norm, norm}}});
+  EXPECT_EQ(with({{"carry", norm_form}}, {{"carry", {{norm_form}}}}),
+            "Agent: the shared task 'norm' must be in component form, six rows, not 2");
+  // One object, one frame.
+  task::FramePose<Robot> camera(h.robot, h.robot.frame("camera"), object(), {.name = "camera"});
+  EXPECT_EQ(
+      with({{"carry", h.tool}, {"film", camera}}, {{"carry", {{h.tool}}}, {"film", {{camera}}}}),
+      "Agent: the shared tasks 'tool' and 'camera' move different frames");
+  // Case C8.
+  EXPECT_EQ(with({{"carry", foreign.tool}}, foreign.actions()),
+            "action 'alone': task 'faulty' belongs to another robot");
+}
+static_assert(!std::is_constructible_v<Agent, Robot, std::vector<icat::Action<Robot>>,
+                                       std::vector<icat::SharedAction<Robot>>, Agent::Options>);
+
+TEST(Agent, ABadCycleKeepsItFinite) {
+  Pair pair(true, true);
+  pair.start("carry");
+  for (int k = 0; k < 5; ++k) pair.cycle(0.01 * k);
+  auto& agent = *pair.agents[0];
+  EXPECT_EQ(agent.step(0.05, Vector13d::Constant(NAN)), Status::non_finite);
+  EXPECT_TRUE(agent.velocity().allFinite());
+  // The second hierarchy stands above the fault and goes on with what was agreed.
+  pair.a.faulty.bad = true;
+  EXPECT_EQ(agent.propose(0.06), Status::non_finite);
+  EXPECT_EQ(agent.step(0.06), Status::non_finite);
+  EXPECT_TRUE(agent.velocity().allFinite());
+  EXPECT_GT(agent.agreed_velocity().norm(), 0.01);
+  Vector13d actual = agent.velocity();
+  actual.tail<6>().setZero();
+  EXPECT_LT((pair.a.tool_velocity(actual) - agent.agreed_velocity()).norm(), 1e-9);
+  EXPECT_EQ(agent.switch_to("fly", 0.06, 1), Status::unknown_action);
+}
+
+// What is not actuated cannot give way: the joints that a safety task holds must stay.
+TEST(Agent, SpansKnowWhatIsGiven) {
+  for (const bool given : {false, true}) {
+    Holder a(0.3, -10, twist(0.3, 0.2, 0.1)), b(2.5, -10, twist(-0.2, 0.1, 0.3));
+    task::FunctionTask<Robot> lock(a.robot, icat::Objective<double>::at_least(5, 0.1),
+                                   [](const Robot& r, auto x, auto J) {
+                                     x << r.q()(1), r.q()(3);
+                                     J(0, 1) = J(1, 3) = 1;
+                                   },
+                                   {.name = "lock", .rows = 2, .gain = 1e-9});
+    const std::vector<icat::Action<Robot>> actions{{"carry", {{lock}, {a.tool}}}};
+    Agent::Options options{.agreement = {.spans = true, .fade = 0.01}};
+    if (given) options.controller.given = a.robot.base_columns();
+    Agent first(a.robot, actions, {{"carry", a.tool}}, options);
+    Agent second(b.robot, b.actions(), {{"carry", b.tool}},
+                 {.agreement = {.index = 1, .spans = true, .fade = 0.01}});
+    ASSERT_EQ(first.start("carry", 0), Status::ok);
+    ASSERT_EQ(second.start("carry", 0), Status::ok);
+    for (int k = 0; k < 5; ++k) {
+      ASSERT_EQ(first.propose(0.01 * k), Status::ok);
+      ASSERT_EQ(second.propose(0.01 * k), Status::ok);
+      ASSERT_EQ(second.receive(0, k, first.send(k)), Status::ok);
+      ASSERT_EQ(first.receive(1, k, second.send(k)), Status::ok);
+      ASSERT_EQ(first.step(0.01 * k), Status::ok);
+    }
+    EXPECT_GT(first.velocity().norm(), 1e-3);
+    // 0.3 rad/s if the vehicle counted as free; what is left is the regularization of a short arm.
+    EXPECT_NEAR(first.velocity()(1), 0, 0.02) << given;
+    EXPECT_NEAR(first.velocity()(3), 0, 0.02) << given;
+  }
+}
+
+TEST(Agent, StepReportsWhatTheControllerReports) {
+  Pair pair(false);
+  auto& agent = *pair.agents[0];
+  EXPECT_EQ(agent.step(0), Status::not_started);
+  ASSERT_EQ(agent.start("alone", 1), Status::ok);
+  ASSERT_EQ(agent.propose(1), Status::ok);
+  EXPECT_EQ(agent.step(1), Status::ok);
+  EXPECT_EQ(agent.step(NAN), Status::non_finite);
+  EXPECT_EQ(agent.step(0.5), Status::time_reversed);
+}
+
+// --- refusals change nothing ---------------------------------------------------------------------
+
+/// All that a switch changes, in both hierarchies.
+struct Phase {
+  explicit Phase(const Agent& agent) {
+    for (const auto* controller : {&agent.own(), &agent.second()}) {
+      names.emplace_back(controller->action());
+      moving.push_back(controller->in_transition());
+      const auto a = controller->phase_activations();
+      activations.emplace_back(a.begin(), a.end());
+    }
+  }
+  bool operator==(const Phase&) const = default;
+  std::vector<std::string> names;
+  std::vector<bool> moving;
+  std::vector<std::vector<double>> activations;
+};
+
+// Case C1. The law of the joints moves the second hierarchy's clock on alone.
+TEST(Agent, ARefusedSwitchChangesNeitherHierarchy) {
+  for (const bool law : {false, true}) {
+    SCOPED_TRACE(law);
+    Pair pair(false, law);
+    auto& agent = *pair.agents[0];
+    const Phase nothing(agent);
+    EXPECT_EQ(agent.start("fly", 0), Status::unknown_action);
+    EXPECT_EQ(agent.start("carry", NAN), Status::non_finite);
+    EXPECT_EQ(agent.switch_to("carry", 0, 0), Status::invalid_duration);
+    EXPECT_EQ(Phase(agent), nothing);
+    pair.start("alone");
+    pair.cycle(1);
+    if (law) {
+      ASSERT_EQ(agent.step_joint_law(2), Status::ok);
+    } else {
+      ASSERT_EQ(agent.step(2), Status::ok);
+    }
+    const Phase before(agent);
+    for (const double time : {0.5, 1.0, 1.5}) {
+      EXPECT_EQ(agent.switch_to("carry", time, 1), Status::time_reversed) << time;
+    }
+    EXPECT_EQ(agent.switch_to("fly", 2, 1), Status::unknown_action);
+    EXPECT_EQ(agent.switch_to("carry", NAN, 1), Status::non_finite);
+    EXPECT_EQ(agent.switch_to("carry", 2, -1), Status::invalid_duration);
+    EXPECT_EQ(agent.switch_to("carry", 2, NAN), Status::invalid_duration);
+    EXPECT_EQ(Phase(agent), before);
+    // What is accepted is carried out by both.
+    ASSERT_EQ(agent.switch_to("carry", 2, 1), Status::ok);
+    ASSERT_EQ(agent.propose(2.5), Status::ok);
+    ASSERT_EQ(agent.step(2.5), Status::ok);
+    EXPECT_EQ(agent.own().action(), "carry");
+    EXPECT_EQ(agent.second().action(), "carry");
+    EXPECT_TRUE(agent.own().in_transition());
+    EXPECT_TRUE(agent.second().in_transition());
+    EXPECT_EQ(agent.agreement_activation(), 0.5);
+    // Half-way it may be refused as well, and goes on.
+    EXPECT_EQ(agent.switch_to("alone", 2.4, 1), Status::time_reversed);
+    ASSERT_EQ(agent.propose(3), Status::ok);
+    ASSERT_EQ(agent.step(3), Status::ok);
+    EXPECT_EQ(agent.agreement_activation(), 1);
+  }
+}
+
+// The clock was set back, and the mission is started anew.
+TEST(Agent, StartsAnewAtAnEarlierTime) {
+  Pair pair(false);
+  pair.start("carry", 1000);
+  for (int k = 0; k < 5; ++k) pair.cycle(1000 + 0.01 * k);
+  const Vector6 agreed = pair.agents[0]->agreed_velocity();
+  pair.start("carry", 0);
+  auto& agent = *pair.agents[0];
+  EXPECT_EQ(agent.step(0), Status::ok);
+  EXPECT_EQ(agent.agreed_velocity(), agreed);
+  EXPECT_FALSE(agent.agreement().agreed());
+  EXPECT_EQ(agent.step(0.02), Status::ok);  // it stops where nobody is heard
+  EXPECT_EQ(agent.agreed_velocity(), Vector6::Zero());
+  for (int k = 3; k < 8; ++k) pair.cycle(0.01 * k);
+  EXPECT_LT((agent.agreed_velocity() - agreed).norm(), 1e-12);
+}
+
+// Case C3.
+TEST(Agent, NothingIsSentAfterARefusedOwnHierarchy) {
+  Pair pair(false, false, twist(0.3, -0.2, -0.4), icat::ColumnRange{10, 1});
+  auto& agent = *pair.agents[0];
+  EXPECT_EQ(agent.propose(0), Status::not_started);
+  EXPECT_TRUE(agent.send(0).empty());
+  pair.start("carry");
+  for (int k = 0; k < 5; ++k) pair.cycle(0.01 * k);
+  const Vector6 agreed = agent.agreed_velocity();
+  Vector13d bad = Vector13d::Zero();
+  bad(10) = NAN;
+  const auto refused = [&](Status expected, Status status) {
+    EXPECT_EQ(status, expected);
+    EXPECT_TRUE(agent.send(100).empty()) << icat::describe(expected);
+    ASSERT_EQ(agent.propose(0.1), Status::ok);
+    EXPECT_EQ(agent.send(5).size(), 24u);
+  };
+  pair.a.faulty.bad = true;
+  const Status faulty = agent.propose(0.1);
+  pair.a.faulty.bad = false;
+  refused(Status::non_finite, faulty);
+  refused(Status::non_finite, agent.propose(0.1, bad));
+  refused(Status::time_reversed, agent.propose(0.05));
+  refused(Status::non_finite, agent.propose(NAN));
+  // And the agreement of before holds on meanwhile.
+  pair.a.faulty.bad = true;
+  EXPECT_EQ(agent.propose(0.11), Status::non_finite);
+  pair.a.faulty.bad = false;
+  EXPECT_EQ(agent.step(0.11), Status::ok);
+  EXPECT_EQ(agent.agreed_velocity(), agreed);
+}
+
+// Case C9.
+TEST(Agent, AutoKeepsTheVelocityOfItsCycle) {
+  Pair pair(false, true);
+  pair.start("carry");
+  for (int k = 0; k < 2; ++k) pair.cycle(0.01 * k);
+  auto& agent = *pair.agents[1];
+  ASSERT_EQ(agent.step_joint_law(0.02), Status::ok);
+  auto velocity = agent.velocity();
+  auto command = agent.command();
+  auto agreed = agent.agreed_velocity();
+  auto joints = agent.joint_velocity(Vector6::Zero());
+  static_assert(std::is_same_v<decltype(velocity), Vector13d>);
+  static_assert(std::is_same_v<decltype(command), Vector13d>);
+  static_assert(std::is_same_v<decltype(agreed), Vector6>);
+  static_assert(std::is_same_v<decltype(joints), Eigen::VectorXd>);
+  const Vector13d copy = velocity;
+  const Eigen::VectorXd copy_joints = joints;
+  pair.cycle(0.03, of_vehicle(Vector6::Constant(0.1)));
+  EXPECT_GT((agent.velocity() - velocity).norm(), 0.01);
+  EXPECT_GT((agent.joint_velocity(Vector6::Constant(0.1)) - joints).norm(), 0.01);
+  EXPECT_EQ(velocity, copy);
+  EXPECT_EQ(command, copy);
+  EXPECT_EQ(joints, copy_joints);
+}
+
+// --- centralised ---------------------------------------------------------------------------------
+
+TEST(Centralized, StaysInTheKernelOfTheGraspAndEqualsALevelOnTop) {
+  Pair pair(false);
+  Central central({{pair.a.robot, pair.a.hand, pair.a.actions()},
+                   {pair.b.robot, pair.b.hand, pair.b.actions()}},
+                  {});
+  ASSERT_EQ(central.start("carry", 0), Status::ok);
+  ASSERT_EQ(central.step(0, 1), Status::ok);
+  Eigen::Matrix<double, 6, 26> G;
+  G << pair.a.robot.jacobian(pair.a.hand), -pair.b.robot.jacobian(pair.b.hand);
+  icat::Vector<double, 26> y;
+  y << central.velocity(0), central.velocity(1);
+  EXPECT_LT((G * y).norm(), 1e-12);
+  // The safety task of a comes first for both.
+  const double wanted = pair.a.ceiling.reference()(0);
+  EXPECT_NEAR(pair.a.tool_velocity(central.velocity(0))(2), wanted, 1e-9);
+  // G ẏ = 0 as the first level of a plain hierarchy is the same problem.
+  icat::Tpik<double, 26> tpik;
+  tpik.reset();
+  ASSERT_EQ(tpik.add_level(G, Vector6::Ones(), Vector6::Zero()), Status::ok);
+  const auto stack = [&](icat::Task<Robot>& a, icat::Task<Robot>& b) {
+    Eigen::MatrixXd J = Eigen::MatrixXd::Zero(a.rows() + b.rows(), 26);
+    J.topLeftCorner(a.rows(), 13) = a.jacobian();
+    J.bottomRightCorner(b.rows(), 13) = b.jacobian();
+    Eigen::VectorXd activation(J.rows()), reference(J.rows());
+    activation << a.activation(), b.activation();
+    reference << a.reference(), b.reference();
+    ASSERT_EQ(tpik.add_level(J, activation, reference), Status::ok);
+  };
+  stack(pair.a.ceiling, pair.b.ceiling);
+  stack(pair.a.tool, pair.b.tool);
+  stack(pair.a.still_vehicle, pair.b.still_vehicle);
+  ASSERT_EQ(tpik.minimize_velocity(), Status::ok);
+  EXPECT_LT((tpik.velocity() - y).norm(), 1e-9);
+  // Case C9.
+  auto last = central.velocity(1);
+  static_assert(std::is_same_v<decltype(last), Vector13d>);
+  // Without the object, both are on their own.
+  ASSERT_EQ(central.step(0, 0), Status::ok);
+  EXPECT_GT((central.velocity(1) - last).norm(), 1e-3);
+  for (auto& agent : pair.agents) {
+    ASSERT_EQ(agent->start("alone", 0), Status::ok);
+    ASSERT_EQ(agent->propose(0), Status::ok);
+    ASSERT_EQ(agent->step(0), Status::ok);
+  }
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_LT((central.velocity(i) - pair.agents[i]->velocity()).norm(), 1e-9);
+  }
+  EXPECT_EQ(central.step(0, 1.5), Status::activation_out_of_range);
+  EXPECT_EQ(central.step(0, NAN), Status::activation_out_of_range);
+}
+
+TEST(Centralized, AnyNumberOfRobots) {
+  Holder a(0.3, -10, twist(0.1, 0, 0)), b(2.5, -10, twist(0, 0.1, 0)), c(-2, -10, twist(0, 0, 0.1));
+  Central central({{a.robot, a.hand, a.actions()},
+                   {b.robot, b.hand, b.actions()},
+                   {c.robot, c.hand, c.actions()}},
+                  {});
+  ASSERT_EQ(central.start("carry", 0), Status::ok);
+  ASSERT_EQ(central.step(0, 1), Status::ok);
+  const Vector6 way = a.tool_velocity(central.velocity(0));
+  EXPECT_GT(way.norm(), 0.01);
+  EXPECT_LT((b.tool_velocity(central.velocity(1)) - way).norm(), 1e-12);
+  EXPECT_LT((c.tool_velocity(central.velocity(2)) - way).norm(), 1e-12);
+  EXPECT_EQ(message_of([&] {
+              Central({{a.robot, a.hand, a.actions()}}, {});
+            }),
+            "CentralizedController: needs at least two robots");
+  EXPECT_EQ(message_of([&] { Central({}, {}); }),
+            "CentralizedController: needs at least two robots");
+}
+
+TEST(Centralized, BoundsAreThoseOfOneRobot) {
+  Pair pair(false);
+  const Vector13d upper = Vector13d::LinSpaced(0.01, 0.04);
+  Central central({{pair.a.robot, pair.a.hand, pair.a.actions()},
+                   {pair.b.robot, pair.b.hand, pair.b.actions()}},
+                  {.bounds = {{-upper, upper}}});
+  ASSERT_EQ(central.start("carry", 0), Status::ok);
+  ASSERT_EQ(central.step(0, 1), Status::ok);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_GT(central.velocity(i).norm(), 1e-3);
+    EXPECT_LE((central.velocity(i).cwiseAbs() - upper).maxCoeff(), 0);
+  }
+}
+
+// Case C2.
+TEST(Centralized, AllSwitchOrNone) {
+  Holder a(0.3, -10, twist(0.1, 0, 0)), b(2.5, -10, twist(0, 0.1, 0));
+  const auto with = [&](const std::vector<icat::Action<Robot>>& actions) {
+    return message_of([&] {
+      Central({{a.robot, a.hand, a.actions()}, {b.robot, b.hand, actions}}, {});
+    });
+  };
+  auto actions = b.actions();
+  actions[1].name = "move";
+  EXPECT_EQ(with(actions),
+            "CentralizedController: all robots need the same actions, robot 1 has 'move'");
+  actions.pop_back();
+  EXPECT_NE(with(actions).find("all robots need the same actions"), std::string::npos);
+  actions = b.actions();
+  actions.push_back({"more", {{b.tool}}});
+  EXPECT_NE(with(actions).find("all robots need the same actions"), std::string::npos);
+  for (auto& action : actions = b.actions()) action.levels.pop_back();
+  EXPECT_EQ(with(actions), "CentralizedController: hierarchies of 4 and 3 levels");
+  // Case C8.
+  EXPECT_EQ(with(a.actions()), "action 'alone': task 'faulty' belongs to another robot");
+
+  // Two actions of two robots, in another order.
+  const auto two = [](Holder& h, bool turned) {
+    std::vector<icat::Action<Robot>> list{{"carry", {{h.ceiling}, {h.tool}}},
+                                          {"rest", {{h.ceiling}, {h.still_vehicle}}}};
+    if (turned) std::swap(list[0], list[1]);
+    return list;
+  };
+  Central central({{a.robot, a.hand, two(a, false)}, {b.robot, b.hand, two(b, true)}}, {});
+  EXPECT_EQ(central.step(0, 1), Status::not_started);
+  ASSERT_EQ(central.start("carry", 1), Status::ok);
+  ASSERT_EQ(central.step(1, 1), Status::ok);
+  const Vector13d first = central.velocity(0), second = central.velocity(1);
+  EXPECT_EQ(central.start("fly", 1), Status::unknown_action);
+  EXPECT_EQ(central.start("rest", NAN), Status::non_finite);
+  EXPECT_EQ(central.switch_to("fly", 1, 1), Status::unknown_action);
+  EXPECT_EQ(central.switch_to("rest", 0.5, 1), Status::time_reversed);
+  EXPECT_EQ(central.switch_to("rest", 1, 0), Status::invalid_duration);
+  EXPECT_EQ(central.step(0.5, 1), Status::time_reversed);
+  EXPECT_EQ(central.velocity(0), first);
+  for (const double t : {1.0, 2.0}) {
+    ASSERT_EQ(central.step(t, 1), Status::ok);
+    EXPECT_EQ(central.velocity(0), first);
+    EXPECT_EQ(central.velocity(1), second);
+  }
+  ASSERT_EQ(central.switch_to("rest", 2, 1), Status::ok);
+  ASSERT_EQ(central.step(3, 1), Status::ok);
+  for (std::size_t i = 0; i < 2; ++i) EXPECT_LT(central.velocity(i).norm(), 1e-9);
+}
+
+}  // namespace
