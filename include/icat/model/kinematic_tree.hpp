@@ -281,8 +281,20 @@ class KinematicTree {
     center_known_ = true;
     detail::fill(center_jacobian_, Scalar(0));
     center_ = detail::origin(bodies_[0].pose);
-    if (!(mass_ > Scalar(0))) return;
-    // From the tips inwards: mass and mass × centre of all that a joint carries.
+    if (mass_ > Scalar(0)) add_carried();
+    const Matrix3<Scalar> R = detail::rotation(bodies_[0].pose);
+    const Vector3<Scalar> r = detail::minus(center_, detail::origin(bodies_[0].pose));
+    for (Index j = 0; j < base_motion_.cols(); ++j) {
+      const Vector3<Scalar> angular = detail::times(R, detail::column3(base_motion_, 3, j));
+      detail::set_column3(center_jacobian_, 0, joint_count() + j,
+                          detail::plus(detail::times(R, detail::column3(base_motion_, 0, j)),
+                                       detail::cross(angular, r)));
+    }
+  }
+
+  // The centre of mass and the columns of the joints. From the tips inwards: mass and
+  // mass × centre of all that a joint carries.
+  void add_carried() const noexcept {
     for (std::size_t i = 0; i < bodies_.size(); ++i) {
       const Body& b = bodies_[i];
       carried_[i].mass = b.mass;
@@ -303,14 +315,6 @@ class KinematicTree {
       parent.center = detail::plus(parent.center, c.center);
     }
     center_ = detail::scaled(carried_[0].center, Scalar(1) / mass_);
-    const Matrix3<Scalar> R = detail::rotation(bodies_[0].pose);
-    const Vector3<Scalar> r = detail::minus(center_, detail::origin(bodies_[0].pose));
-    for (Index j = 0; j < base_motion_.cols(); ++j) {
-      const Vector3<Scalar> angular = detail::times(R, detail::column3(base_motion_, 3, j));
-      detail::set_column3(center_jacobian_, 0, joint_count() + j,
-                          detail::plus(detail::times(R, detail::column3(base_motion_, 0, j)),
-                                       detail::cross(angular, r)));
-    }
   }
 
   [[gnu::cold]] static void check(const Joint<Scalar>& joint) {
@@ -338,12 +342,16 @@ class KinematicTree {
   // The root's name: the one link that nothing moves.
   [[gnu::cold]] static std::string find_root(const Description& description) {
     std::string root = description.root;
-    std::vector<std::string> links;
+    std::vector<std::string> links, names;
     for (const auto& joint : description.joints) {
       if (std::find(links.begin(), links.end(), joint.link) != links.end()) {
         detail::invalid("KinematicTree: link '", joint.link, "' has two parents");
       }
+      if (std::find(names.begin(), names.end(), joint.name) != names.end()) {
+        detail::invalid("KinematicTree: two joints are called '", joint.name, "'");
+      }
       links.push_back(joint.link);
+      names.push_back(joint.name);
     }
     for (const auto& joint : description.joints) {
       if (std::find(links.begin(), links.end(), joint.parent) != links.end()) continue;
@@ -408,11 +416,6 @@ class KinematicTree {
     b.local_axis = detail::scaled(joint.axis, Scalar(1) / detail::norm(joint.axis));
     const Index index = static_cast<Index>(bodies_.size());
     if (!joint.mimic) {
-      for (const auto& other : joints_) {
-        if (other.name == joint.name) {
-          detail::invalid("KinematicTree: two joints are called '", joint.name, "'");
-        }
-      }
       b.column = joint_count();
       const bool endless = joint.type == JointType::continuous;
       constexpr Scalar infinity = std::numeric_limits<Scalar>::infinity();
@@ -456,8 +459,11 @@ class KinematicTree {
   }
 
   [[gnu::cold]] void add_mass(const LinkMass<Scalar>& m) {
-    if (!(m.mass >= Scalar(0)) || !detail::all_finite(m.center) || !std::isfinite(m.mass)) {
+    if (!(m.mass >= Scalar(0)) || !std::isfinite(m.mass)) {
       detail::invalid("KinematicTree: the mass of link '", m.link, "' must be finite and >= 0");
+    }
+    if (!detail::all_finite(m.center)) {
+      detail::invalid("KinematicTree: the centre of mass of link '", m.link, "' is not finite");
     }
     const Frame& link = at(frame(m.link));
     Body& b = bodies_[static_cast<std::size_t>(link.body)];

@@ -15,6 +15,7 @@
 #include <limits>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <vector>
 
 #include "icat/core/error.hpp"
@@ -55,13 +56,22 @@ struct JointInfo {
   bool continuous{false};                     ///< turns without end: q and q + 2π are the same
 };
 
+namespace detail {
+
+/// A value of just this type, or a reference to one: tasks and controllers compute with what they
+/// get, and a type that would only convert to `U` may store its elements in another order.
+template <class T, class U>
+concept Just = std::same_as<std::remove_cvref_t<T>, U>;
+
+}  // namespace detail
+
 /// A scalar type and the number of degrees of freedom n, at compile time (`size`, or
 /// `Eigen::Dynamic`) and at run time.
 template <class R>
 concept Robot = requires(const R& robot) {
   typename R::Scalar;
   requires std::floating_point<typename R::Scalar>;
-  { R::size } -> std::convertible_to<int>;
+  typename std::integral_constant<int, R::size>;
   { robot.dof() } -> std::convertible_to<Index>;
 };
 
@@ -71,17 +81,18 @@ concept Robot = requires(const R& robot) {
 template <class R>
 concept FramedRobot = Robot<R> && requires(const R& robot, FrameId frame, std::string_view name) {
   { robot.frame(name) } -> std::same_as<FrameId>;
-  { robot.pose(frame) } -> std::convertible_to<Pose<typename R::Scalar>>;
-  {
-    robot.jacobian(frame)
-    } -> std::convertible_to<const Eigen::Matrix<typename R::Scalar, 6, R::size>&>;
+  { robot.pose(frame) } -> detail::Just<Pose<typename R::Scalar>>;
+  { robot.jacobian(frame) } -> detail::Just<Eigen::Matrix<typename R::Scalar, 6, R::size>>;
 };
 
-/// Joints: `joints` is a range of what `JointInfo` holds; `position(i)` that of the i-th, rad or m.
+/// Joints: `joints` is a range of `JointInfo` that the robot keeps, such as `const std::vector&` or
+/// `std::span<const JointInfo>`; `position(i)` is that of the i-th, rad or m.
 template <class R>
 concept JointedRobot = Robot<R> && requires(const R& robot, Index i, std::size_t k) {
   { robot.joints().size() } -> std::convertible_to<std::size_t>;
-  { robot.joints()[k] } -> std::convertible_to<const JointInfo<typename R::Scalar>&>;
+  { robot.joints()[k] } -> std::same_as<const JointInfo<typename R::Scalar>&>;
+  { *robot.joints().begin() } -> std::same_as<const JointInfo<typename R::Scalar>&>;
+  { robot.joints().begin() != robot.joints().end() } -> std::convertible_to<bool>;
   { robot.position(i) } -> std::convertible_to<typename R::Scalar>;
 };
 
@@ -89,7 +100,7 @@ concept JointedRobot = Robot<R> && requires(const R& robot, Index i, std::size_t
 template <class R>
 concept MobileRobot = FramedRobot<R> && requires(const R& robot, Index i) {
   { robot.base() } -> std::same_as<FrameId>;
-  { robot.base_columns() } -> std::same_as<ColumnRange>;
+  { robot.base_columns() } -> detail::Just<ColumnRange>;
   { robot.base_motion()(i, i) } -> std::convertible_to<typename R::Scalar>;
   { robot.base_motion().cols() } -> std::convertible_to<Index>;
 };
@@ -97,10 +108,10 @@ concept MobileRobot = FramedRobot<R> && requires(const R& robot, Index i) {
 /// Masses: the centre of mass in ⟨0⟩ (m) and its Jacobian, 3 × n.
 template <class R>
 concept MassiveRobot = Robot<R> && requires(const R& robot) {
-  { robot.center_of_mass() } -> std::convertible_to<Vector3<typename R::Scalar>>;
+  { robot.center_of_mass() } -> detail::Just<Vector3<typename R::Scalar>>;
   {
     robot.center_of_mass_jacobian()
-    } -> std::convertible_to<const Eigen::Matrix<typename R::Scalar, 3, R::size>&>;
+    } -> detail::Just<Eigen::Matrix<typename R::Scalar, 3, R::size>>;
 };
 
 /// A set of columns of ẏ, in the order given. Configuration: allocates.
