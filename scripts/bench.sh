@@ -42,7 +42,7 @@ say "Running: what a user's file costs to compile"
 ./scripts/compile_cost.sh >"$out/compile_cost.md" || fail "compile_cost failed"
 
 {
-  echo "# Benchmarks {#benchmarks}"
+  echo "# Benchmarks"
   echo
   echo "Printed by \`./scripts/bench.sh\`; how it is done: [the solver](solver.md). Ratios are of one run. Y is Eigen's HouseholderQR of a 28 × 13 dynamic double matrix. H has 13 degrees of freedom and level rows 7, 1, 1, 1, 1, 6, 6, 7, 6 and the closing 13, dense and random. *Steady*: activations 0 or 1, active rows 1, 0, 1, 1, 0, 0, 6, 0, 6, 13. *Transition*: the same with the joint limit at 0.4 and the manipulability at 0.6. *All partial*: every row between 0.05 and 0.95. *Onset*: steady, with the six other joint limits, the distance and the attitude at 1e-3."
   echo

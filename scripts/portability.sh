@@ -376,13 +376,13 @@ function_of() {
 
 page() {
   cat <<'MD'
-# Portability {#portability}
+# Portability
 
 Printed by `./scripts/portability.sh`, which builds and runs all of it: each compiler, processor, optimization level and library once, not their product. `./scripts/portability.sh --list` names the builds, and `./scripts/portability.sh gcc12-v3 arm64` runs two of them. Each row names the revision that it was measured on (`+`: with changes that were not committed), and `--page` joins the last run of each build, so rows need not be of one run.
 
 ## What to know first
 
-**`-march=native` and foreign libraries.** Eigen aligns its memory for the widest packets of the processor that it is compiled for: 16 bytes without options, 32 with AVX, 64 with AVX-512. A library that somebody else compiled (Pinocchio or KDL from a package) has 16. A program that is compiled with `-march=native`, `-march=x86-64-v3` or `-mavx` disagrees with that library about where matrices lie and how their memory is freed, and crashes, usually at the first call that hands over a matrix. This is so with every library that has Eigen in its interface, with icat or without. icat adds no flags to a program. The [table below](#foreign) shows what was tried. What works:
+**`-march=native` and foreign libraries.** Eigen aligns its memory for the widest packets of the processor that it is compiled for: 16 bytes without options, 32 with AVX, 64 with AVX-512. A library that somebody else compiled (Pinocchio or KDL from a package) has 16. A program that is compiled with `-march=native`, `-march=x86-64-v3` or `-mavx` disagrees with that library about where matrices lie and how their memory is freed, and crashes, usually at the first call that hands over a matrix. This is so with every library that has Eigen in its interface, with icat or without. icat adds no flags to a program. The [table below](#beside-foreign-libraries) shows what was tried. What works:
 
 - Compile without `-march`, or up to `-march=x86-64-v2`. `-march=native -mno-avx` is the same with the instructions that need no wide registers.
 - Compile everything that has Eigen in its interface with the same flags, the foreign library, too (not tried here).
@@ -435,7 +435,7 @@ MD
 
 **32-bit ARM.** \`long double\` is \`double\` there, so the literal formula in \`double\` judges the solver in \`float\`; the solver in \`double\` has its own tests.
 
-## Beside foreign libraries {#foreign}
+## Beside foreign libraries
 
 A program with g++-12 that takes Jacobians from the library, velocities from icat and gives positions back; KDL is from apt, Pinocchio 4.1 from PyPI. *Eigen alone* multiplies matrices of up to 400 × 400 and shows whether the flags are sound at all.
 
