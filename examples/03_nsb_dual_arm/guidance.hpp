@@ -116,7 +116,7 @@ class WholeBody {
     for (int j = 0; j < 5; ++j) {
       const auto& limit = limits_[static_cast<std::size_t>(j)];
       activation(j) = limit.activation(q(j));
-      rate(j) = 0.5 * (limit.target() - q(j));
+      rate(j) = 0.5 * (limit.target(q(j)) - q(j));
     }
     tpik_.reset();
     add(limits_jacobian_, activation, rate);
