@@ -53,16 +53,16 @@ int main() {
              [&](auto& robot, auto& controller, double t, const grasp::Vector6& v) {
                bench::Hierarchy<double> levels;
                std::size_t i = 0;
-               for (const auto& level : controller.hierarchy()) {
+               for (const auto& level : controller.first().hierarchy()) {
                  for (const auto& entry : level) {
-                   levels.push_back({entry.task->jacobian(),
-                                     controller.phase_activations()[i++] * entry.task->activation(),
+                   const double phase = controller.first().phase_activations()[i++];
+                   levels.push_back({entry.task->jacobian(), phase * entry.task->activation(),
                                      entry.task->reference()});
                  }
                }
                recorded.push_back(std::move(levels));
                const icat::Vector<double, 7> q = robot.q();
-               const grasp::Pose vehicle = robot.vehicle();
+               const grasp::Pose vehicle = robot.pose(robot.base());
                const auto start = Clock::now();
                (void)robot.update(q, vehicle);
                (void)controller.step(t, v);

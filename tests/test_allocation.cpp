@@ -103,21 +103,23 @@ TEST_F(Allocation, NoneInTheArmLaw) {
   EXPECT_TRUE(qdot.allFinite());
 }
 
-TEST_F(Allocation, NoneInTheCooperation) {
-  using Robot = icat::Uvms<double, 7>;
-  Robot a({.arm = icat::maris_arm<double>()}), b({.arm = icat::maris_arm<double>()});
-  icat::task::ToolPose<Robot> tool_a(a, icat::task::PoseTaskOptions<double>{});
-  icat::task::ToolPose<Robot> tool_b(b, icat::task::PoseTaskOptions<double>{});
+/// What agents and a centralised controller do, on two robots of one kind.
+template <class Robot>
+void cooperate(Robot& a, Robot& b, icat::FrameId hand, bool compensation) {
+  icat::task::FramePose<Robot> tool_a(a, hand, icat::IdentityPose{}),
+      tool_b(b, hand, icat::IdentityPose{});
   const std::vector<icat::Action<Robot>> actions_a{{"alone", {{tool_a}}}, {"carry", {{tool_a}}}};
   const std::vector<icat::Action<Robot>> actions_b{{"alone", {{tool_b}}}, {"carry", {{tool_b}}}};
   for (const bool spans : {false, true}) {
     const auto options = [&](std::size_t i) {
-      return icat::Agent<Robot>::Options{.controller = {.scheme = icat::Scheme::parallel},
-                                         .agreement = {.index = i, .spans = spans}};
+      return typename icat::Agent<Robot>::Options{.compensation = compensation,
+                                                  .agreement = {.index = i, .spans = spans}};
     };
     icat::Agent<Robot> agent_a(a, actions_a, {{"carry", tool_a}}, options(0));
     icat::Agent<Robot> agent_b(b, actions_b, {{"carry", tool_b}}, options(1));
-    icat::CentralizedController<Robot> central({{a, actions_a}, {b, actions_b}}, {});
+    icat::CentralizedController<Robot> central({{a, hand, actions_a}, {b, hand, actions_b}}, {});
+    const auto still = icat::Vector<double, Robot::size>::Zero(a.dof()).eval();
+    const auto base = Eigen::VectorXd::Ones(a.base_columns().count).eval();
     icat::Status status = icat::Status::ok;
     const auto check = [&](icat::Status s) {
       if (status == icat::Status::ok) status = s;
@@ -133,20 +135,100 @@ TEST_F(Allocation, NoneInTheCooperation) {
                     check(agent_b.switch_to("carry", t, 1));
                   }
                   check(agent_a.propose(t));
-                  check(agent_b.propose(t));
+                  check(agent_b.propose(t, still));
                   check(agent_a.receive(1, k, agent_b.send(k)));
                   check(agent_b.receive(0, k, agent_a.send(k)));
-                  check(agent_a.step(t));
+                  check(agent_a.step(t, still));
                   check(agent_b.step(t));
-                  check(agent_a.step_arm_law(t));
-                  volatile double keep = agent_a.joint_velocity(icat::Vector6<double>::Ones())(0);
-                  (void)keep;
+                  if (compensation) {
+                    check(agent_a.step_joint_law(t));
+                    volatile double keep = agent_a.joint_velocity(base)(0);
+                    (void)keep;
+                  }
                   check(central.step(t, 1));
                 }
+                check(agent_a.start("alone", 0));
+                check(agent_a.step(0.1));
               }),
               0);
     EXPECT_EQ(status, icat::Status::ok) << icat::describe(status);
   }
+}
+
+TEST_F(Allocation, NoneInTheCooperation) {
+  using Robot = icat::KinematicTree<double, 13>;
+  Robot a = icat::uvms(icat::maris_arm<double>()), b = a;
+  cooperate(a, b, a.frame("tool"), true);
+}
+
+TEST_F(Allocation, NoneInTheCooperationOfRobotsOfASizeKnownAtRunTime) {
+  icat::KinematicTree<double> a({.joints = icat::axes_chain(icat::maris_arm<double>())}), b = a;
+  cooperate(a, b, a.frame("end_effector"), false);
+}
+
+// Every task of the catalogue, the tree they read, and the controller they stand in.
+template <class Robot>
+void control(Robot& robot) {
+  namespace task = icat::task;
+  using Objective = icat::Objective<double>;
+  const icat::FrameId hand = robot.frame("end_effector"), base = robot.base();
+  const icat::Vector3<double> point(1, 2, 3);
+  task::JointLimits<Robot> limits(robot);
+  task::JointPosition<Robot> shape(robot, Eigen::VectorXd::Zero(7));
+  task::Attitude<Robot> attitude(robot, base);
+  task::LookAt<Robot> look(robot, hand, point);
+  task::Occlusion<Robot> occlusion(robot, base, hand, Objective::at_least(0.3, 0.1));
+  task::FrameDistance<Robot> distance(robot, hand, point, Objective::at_least(1, 0.1));
+  task::Manipulability<Robot> dexterous(robot, hand, Objective::at_least(0.1, 0.01));
+  task::CenterOfMass<Robot> center(robot, point);
+  task::FramePosition<Robot> position(robot, hand, point);
+  task::FrameOrientation<Robot> orientation(robot, hand, icat::Matrix3<double>::Identity());
+  task::FramePose<Robot> pose(robot, hand, icat::IdentityPose{}, {.relative_to = base});
+  task::FrameVelocity<Robot> velocity(robot, hand);
+  task::Minimality<Robot> still(robot, icat::joint_columns(robot));
+  task::GivenVelocity<Robot> given(robot, icat::joint_columns(robot, {"joint2"}));
+  task::FunctionTask<Robot> own(robot, Objective::equal_to(1), [](const Robot& r, auto x, auto J) {
+    x(0) = r.position(0);
+    J(0, 0) = 1;
+  });
+  icat::Controller<Robot> controller(robot, {{"all",
+                                              {{given, limits},
+                                               {attitude, look, occlusion, distance},
+                                               {dexterous, center, position, orientation, own},
+                                               {pose, velocity},
+                                               {shape, still}}},
+                                             {"reach", {{limits}, {pose}}}});
+  const auto measured = icat::Vector<double, Robot::size>::Constant(robot.dof(), 0.1).eval();
+  icat::Vector<double, 7> q = icat::Vector<double, 7>::Constant(-0.4);
+  icat::Status status = icat::Status::ok;
+  EXPECT_EQ(count_allocations([&] {
+              status = controller.start("reach", 0);
+              for (int k = 0; k < 30 && status == icat::Status::ok; ++k) {
+                const double t = 0.1 * k;
+                q(2) = 0.01 * k;
+                status = robot.update(q);
+                if (k == 5) status = controller.switch_to("all", t, 1);
+                if (k == 9) status = controller.set_given("joint4", true);
+                if (status == icat::Status::ok) status = controller.step(t, measured);
+                if (status == icat::Status::ok) status = pose.set_goal(robot.pose(hand));
+                volatile double keep = controller.velocity()(0) + controller.command()(0);
+                (void)keep;
+              }
+            }),
+            0);
+  EXPECT_EQ(status, icat::Status::ok) << icat::describe(status);
+}
+
+TEST_F(Allocation, NoneInTreesTasksAndControllers) {
+  const auto joints = icat::axes_chain(icat::maris_arm<double>(), "vehicle");
+  const std::vector<icat::LinkMass<double>> masses{{"vehicle", 10, {0, 0, 0}},
+                                                   {"link3", 2, {0, 0, 0.1}}};
+  icat::KinematicTree<double, 13> of_static_size(
+      {.joints = joints, .base = icat::Base<double>::free(), .masses = masses});
+  control(of_static_size);
+  icat::KinematicTree<double> of_dynamic_size(
+      {.joints = joints, .base = icat::Base<double>::surface(), .masses = masses});
+  control(of_dynamic_size);
 }
 
 }  // namespace

@@ -349,7 +349,7 @@ TEST(Agreement, RestartsAtAnEarlierTime) {
 
 TEST(Agreement, StaysFinite) {
   Agreement agent(
-      Options{.policy = {.fuse = [](const auto&) { return Vector6::Constant(NAN).eval(); }}});
+      Options{.policy = {{.fuse = [](const auto&) { return Vector6::Constant(NAN).eval(); }}}});
   EXPECT_EQ(agent.propose(Vector6::Constant(NAN), Vector6::Zero()), Status::non_finite);
   EXPECT_TRUE(agent.send(0).empty());
   ASSERT_EQ(agent.propose(twist(1, 0, 0), Vector6::Zero()), Status::ok);
@@ -365,7 +365,7 @@ TEST(Agreement, RefusesBadOptions) {
   EXPECT_THROW(Agreement(Options{.agents = 1}), std::invalid_argument);
   EXPECT_THROW(Agreement(Options{.agents = 2, .index = 2}), std::invalid_argument);
   EXPECT_THROW(Agreement(Options{.agents = static_cast<std::size_t>(-1)}), std::invalid_argument);
-  EXPECT_THROW(Agreement(Options{.policy = {}}), std::invalid_argument);
+  EXPECT_THROW(Agreement(Options{.policy = icat::FusionPolicy<double>{}}), std::invalid_argument);
   EXPECT_THROW(Agreement(Options{.policy = icat::fusion::convex_combination<double>({1.0})}),
                std::invalid_argument);
   EXPECT_THROW(Agreement(Options{.hold = 0}), std::invalid_argument);

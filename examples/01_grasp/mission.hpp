@@ -274,7 +274,7 @@ Result run(const Variant& variant, double dt, Observe observe) {
       plant.step(controller.first().command(), t, dt);
     }
     //! [loop]
-    observe(robot, controller.first(), t, Vector6(plant.velocity().tail<6>()));
+    observe(robot, controller, t, Vector6(plant.velocity().tail<6>()));
     const Sample s = measure(t);
     result.largest_step = std::max(result.largest_step, (s.command - last).norm());
     last = s.command;

@@ -36,7 +36,7 @@ int main() {
       grasp::run({}, 0.01, [&](const auto&, const auto& controller, double, const auto&) {
         Recorded cycle;
         level_rows.clear();
-        for (const auto& level : controller.levels()) {
+        for (const auto& level : controller.first().levels()) {
           level_rows.push_back(level.jacobian.rows());
           for (icat::Index i = 0; i < level.jacobian.rows(); ++i) {
             for (icat::Index j = 0; j < level.jacobian.cols(); ++j) {

@@ -16,6 +16,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "icat/cooperation/fusion.hpp"
@@ -33,13 +34,13 @@ enum class Fallback {
 /// Settings of an exchange, with defaults. All agents need the same but `index`.
 template <class Scalar>
 struct AgreementOptions {
-  std::size_t agents{2};                                ///< how many, this one included, 2 … 1000
-  std::size_t index{0};                                 ///< which of them this one is
-  FusionPolicy<Scalar> policy{fusion::mean<Scalar>()};  ///< f of Eq. (29)
-  bool spans{false};                                    ///< exchange them, see fusion.hpp
-  double hold{1};                                       ///< s, > 0
-  Fallback fallback{Fallback::stop};                    ///< after that
-  double fade{1};                                       ///< s, > 0: into the fallback and back
+  std::size_t agents{2};  ///< how many, this one included, 2 … 1000
+  std::size_t index{0};   ///< which of them this one is
+  std::optional<FusionPolicy<Scalar>> policy = std::nullopt;  ///< f of Eq. (29); none: the mean
+  bool spans{false};                                          ///< exchange them, see fusion.hpp
+  double hold{1};                                             ///< s, > 0
+  Fallback fallback{Fallback::stop};                          ///< after that
+  double fade{1};  ///< s, > 0: into the fallback and back
 };
 
 /// See the file comment. Time is the caller's.
@@ -52,6 +53,7 @@ class Agreement {
   /// @throws std::invalid_argument on settings out of range. Allocates; nothing else here does.
   explicit Agreement(const AgreementOptions<Scalar>& options)
       : options_(validated(options)),
+        policy_(options.policy ? *options.policy : fusion::mean<Scalar>()),
         rounds_(open_rounds, Round(options)),
         intersection_(options.spans ? options.agents : 1),
         message_(message_size(static_cast<std::size_t>(numbers()))) {}
@@ -65,7 +67,7 @@ class Agreement {
                  const Matrix6<Scalar>& span = Matrix6<Scalar>::Identity()) noexcept {
     Said said;
     said.template head<6>() = velocity;
-    if (options_.policy.difficulties) said(6) = (desired - velocity).norm();
+    if (policy_.difficulties) said(6) = (desired - velocity).norm();
     if (options_.spans) {
       said.segment(numbers() - 36, 36) = Eigen::Map<const Vector<Scalar, 36>>(span.data());
     }
@@ -151,9 +153,10 @@ class Agreement {
     if (o.index >= o.agents) {
       detail::invalid("Agreement: index must be < ", o.agents, ", got ", o.index);
     }
-    if (!o.policy.fuse) detail::invalid("Agreement: the policy is empty");
-    if (o.policy.agents != 0 && o.policy.agents != o.agents) {
-      detail::invalid("Agreement: a policy for ", o.policy.agents, " agents, there are ", o.agents);
+    if (o.policy && !o.policy->fuse) detail::invalid("Agreement: the policy is empty");
+    if (o.policy && o.policy->agents != 0 && o.policy->agents != o.agents) {
+      detail::invalid("Agreement: a policy for ", o.policy->agents, " agents, there are ",
+                      o.agents);
     }
     detail::require_positive("Agreement", "hold", o.hold);
     detail::require_positive("Agreement", "fade", o.fade);
@@ -161,7 +164,7 @@ class Agreement {
   }
 
   Index numbers() const noexcept {
-    return 6 + (options_.policy.difficulties ? 1 : 0) + (options_.spans ? 36 : 0);
+    return 6 + (policy_.difficulties ? 1 : 0) + (options_.spans ? 36 : 0);
   }
 
   Status store(std::size_t agent, long long number, std::span<const std::byte> bytes) noexcept {
@@ -176,7 +179,7 @@ class Agreement {
       std::fill(round.heard.begin(), round.heard.end(), false);
     }
     round.velocities[agent] = said.template head<6>();
-    if (options_.policy.difficulties) round.difficulties[agent] = said(6);
+    if (policy_.difficulties) round.difficulties[agent] = said(6);
     if (options_.spans) {
       round.spans[agent] = Eigen::Map<const Matrix6<Scalar>>(said.data() + numbers() - 36);
     }
@@ -188,7 +191,7 @@ class Agreement {
   void fuse(const Round& round) noexcept {
     fused_round_ = round.number;
     const Proposals<Scalar> proposals{round.velocities, round.spans, round.difficulties};
-    Vector6<Scalar> fused = options_.policy.fuse(proposals);
+    Vector6<Scalar> fused = policy_.fuse(proposals);
     if (options_.spans && fused.allFinite()) fused = intersection_.nearest(fused, proposals);
     if (!fused.allFinite()) return;  // as if nothing had been heard
     fused_ = fused;
@@ -196,6 +199,7 @@ class Agreement {
   }
 
   AgreementOptions<Scalar> options_;
+  FusionPolicy<Scalar> policy_;
   std::vector<Round> rounds_;
   SpanIntersection<Scalar> intersection_;
   std::vector<std::byte> message_;
