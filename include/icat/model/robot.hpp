@@ -12,6 +12,7 @@
 #pragma once
 
 #include <concepts>
+#include <initializer_list>
 #include <limits>
 #include <string>
 #include <string_view>
@@ -119,6 +120,8 @@ class Columns {
  public:
   /// None.
   Columns() {}  // not defaulted: see `infinity`
+  /// These; two numbers are two columns, not a block.
+  Columns(std::initializer_list<Index> indices) : indices_(indices) {}
   /// These.
   explicit Columns(std::vector<Index> indices) : indices_(std::move(indices)) {}
   /// A block.

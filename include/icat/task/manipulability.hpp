@@ -34,7 +34,7 @@ class ManipulabilityMeasure {
   explicit ManipulabilityMeasure(const std::vector<Index>& columns)
       : columns_(columns),
         m_(static_cast<Index>(columns.size())),
-        eigen_(std::min<Index>(m_, 6)),
+        eigen_(6),
         long_side_(zeros<Matrix>(std::max<Index>(m_, 6), std::min<Index>(m_, 6))),
         y_(zeros<Matrix>(6, m_)) {}
 
