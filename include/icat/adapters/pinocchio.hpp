@@ -50,11 +50,10 @@ class PinocchioRobot : public ForeignRobot<ScalarType> {
   ///         nothing can move.
   [[gnu::cold]] explicit PinocchioRobot(Model model) : model_(std::move(model)), data_(model_) {
     configuration_ = detail::zeros<Configuration>(model_.nq);
-    add_frames();
-    add_joints();
     if (model_.nv == 0) detail::invalid("PinocchioRobot: nothing can move");
-    const Index base_frame = base_joint_ == 0 ? 0 : frame_of_joint(base_joint_);
-    this->finish(model_.nv, FrameId(base_frame), 0,
+    add_joints();
+    add_frames();
+    this->finish(model_.nv, base_frame(), 0,
                  base_joint_ == 0 ? Base<Scalar>::fixed()
                  : planar_        ? Base<Scalar>::surface()
                                   : Base<Scalar>::free());
@@ -154,13 +153,14 @@ class PinocchioRobot : public ForeignRobot<ScalarType> {
 
   /// ⟨f⟩ in ⟨0⟩, which is Pinocchio's world. No allocation.
   Pose<Scalar> pose(FrameId frame) const noexcept {
-    const auto& f = foreign(frame);
-    return to_pose(data_.oMi[f.parentJoint] * f.placement);
+    const Placed& f = placed(frame);
+    return to_pose(data_.oMi[f.joint] * f.placement);
   }
   /// 6 × n, rows linear then angular, at the origin of ⟨f⟩, components on ⟨0⟩. No allocation.
   const Jacobian& jacobian(FrameId frame) const noexcept {
     return this->kept_jacobian(frame, [&](Jacobian& J) {
-      pinocchio::getFrameJacobian(model_, data_, frames_[static_cast<std::size_t>(frame.index())],
+      const Placed& f = placed(frame);
+      pinocchio::getFrameJacobian(model_, data_, f.joint, f.placement,
                                   pinocchio::LOCAL_WORLD_ALIGNED, J);
     });
   }
@@ -179,6 +179,11 @@ class PinocchioRobot : public ForeignRobot<ScalarType> {
   }
 
  private:
+  // A frame.
+  struct Placed {
+    std::size_t joint;
+    typename Model::SE3 placement;  // in the joint's
+  };
   // Where a joint stands in Pinocchio's configuration.
   struct Place {
     Index first;
@@ -188,16 +193,8 @@ class PinocchioRobot : public ForeignRobot<ScalarType> {
   static Pose<Scalar> to_pose(const typename Model::SE3& placement) noexcept {
     return detail::make_pose<Scalar>(placement.rotation(), placement.translation());
   }
-  const auto& foreign(FrameId frame) const noexcept {
-    return model_.frames[frames_[static_cast<std::size_t>(frame.index())]];
-  }
-  Index frame_of_joint(std::size_t joint) const noexcept {
-    Index i = 0;
-    while (foreign(FrameId(i)).parentJoint != joint ||
-           !foreign(FrameId(i)).placement.isIdentity(Scalar(0))) {
-      ++i;
-    }
-    return i;
+  const Placed& placed(FrameId frame) const noexcept {
+    return frames_[static_cast<std::size_t>(frame.index())];
   }
 
   [[gnu::cold]] void add_frames() {
@@ -206,9 +203,21 @@ class PinocchioRobot : public ForeignRobot<ScalarType> {
       for (std::size_t i = 0; i < model_.frames.size(); ++i) {
         const auto& f = model_.frames[i];
         if ((i == 0 || f.type == pinocchio::BODY) != bodies) continue;
-        if (this->add_frame(f.name)) frames_.push_back(i);
+        if (this->add_frame(f.name)) frames_.push_back({f.parentJoint, f.placement});
       }
     }
+  }
+  // That of the base joint, which a model that was built by hand need not have.
+  [[gnu::cold]] FrameId base_frame() {
+    for (std::size_t i = 0; i < frames_.size(); ++i) {
+      if (frames_[i].joint == base_joint_ && frames_[i].placement.isIdentity(Scalar(0))) {
+        return FrameId(static_cast<Index>(i));
+      }
+    }
+    std::string name = model_.names[base_joint_];
+    while (!this->add_frame(name)) name += " of the base";
+    frames_.push_back({base_joint_, Model::SE3::Identity()});
+    return FrameId(this->frame_count() - 1);
   }
   [[gnu::cold]] void add_joints() {
     for (std::size_t j = 1; j < static_cast<std::size_t>(model_.njoints); ++j) {
@@ -284,9 +293,9 @@ class PinocchioRobot : public ForeignRobot<ScalarType> {
   Model model_;
   mutable Data data_;  // Pinocchio's Jacobians take it without const, and read it only
   Configuration configuration_;
-  std::vector<std::size_t> frames_;  // Pinocchio's of each frame
-  std::vector<Place> places_;        // of each joint
-  std::size_t base_joint_{0};        // 0: the root is fixed
+  std::vector<Placed> frames_;
+  std::vector<Place> places_;  // of each joint
+  std::size_t base_joint_{0};  // 0: the root is fixed
   bool planar_{false};
   Scalar mass_{0};
   mutable Jacobian point_;
