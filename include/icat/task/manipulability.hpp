@@ -34,59 +34,75 @@ class ManipulabilityMeasure {
   explicit ManipulabilityMeasure(const std::vector<Index>& columns)
       : columns_(columns),
         m_(static_cast<Index>(columns.size())),
+        side_(std::min<Index>(m_, 6)),
         eigen_(6),
-        long_side_(zeros<Matrix>(std::max<Index>(m_, 6), std::min<Index>(m_, 6))),
-        y_(zeros<Matrix>(6, m_)) {}
+        block_(zeros<Block>(6, m_)),
+        y_(block_) {}
 
   /// μ of the columns of `J`. No allocation.
   template <class Jacobian>
   Scalar compute(const Jacobian& J) noexcept {
-    // Element (i, k) of J for six rows, of Jᵀ for fewer than six columns: the side that has full
-    // rank.
-    const bool tall = m_ < 6;
-    const Index side = tall ? m_ : 6, other = tall ? 6 : m_;
-    const auto at = [&](Index i, Index k) { return tall ? J(k, column(i)) : J(i, column(k)); };
-    Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, 6> gram(side, side);
-    for (Index i = 0; i < side; ++i) {
-      for (Index j = 0; j <= i; ++j) {
-        Scalar sum(0);
-        for (Index k = 0; k < other; ++k) sum += at(i, k) * at(j, k);
-        gram(i, j) = gram(j, i) = sum;
-      }
+    for (Index j = 0; j < m_; ++j) {
+      for (Index i = 0; i < 6; ++i) block_(i, j) = J(i, column(j));
     }
     fill(y_, Scalar(0));
+    // J Jᵀ, or JᵀJ for fewer than six columns: the side that has full rank.
+    const bool tall = m_ < 6;
+    Small gram(side_, side_);
+    fill(gram, Scalar(0));
+    for (Index j = 0; j < m_; ++j) {
+      const Scalar* x = block_.data() + 6 * j;
+      for (Index b = 0; b < side_; ++b) {
+        if (tall) {
+          gram(b, j) = dot6(block_.data() + 6 * b, x);
+        } else {
+          for (Index a = 0; a < 6; ++a) gram(a, b) += x[a] * x[b];
+        }
+      }
+    }
     if (!eigen_.compute(gram)) return Scalar(0);
 
     // σ_k from J itself: the square root of a small eigenvalue of the Gram matrix is noise.
-    // Singular vectors of the short side, and σ_k times those of the long one.
-    const auto& short_side = eigen_.vectors();
+    const auto& vectors = eigen_.vectors();
     Scalar sigma[6], largest(0), value(1);
-    for (Index k = 0; k < side; ++k) {
+    for (Index k = 0; k < side_; ++k) {
       Scalar square(0);
-      for (Index i = 0; i < other; ++i) {
-        Scalar sum(0);
-        for (Index l = 0; l < side; ++l) sum += at(l, i) * short_side(l, k);
-        long_side_(i, k) = sum;
-        square += sum * sum;
+      if (tall) {
+        for (Index i = 0; i < 6; ++i) {
+          Scalar sum(0);
+          for (Index j = 0; j < m_; ++j) sum += block_(i, j) * vectors(j, k);
+          square += sum * sum;
+        }
+      } else {
+        for (Index j = 0; j < m_; ++j) {
+          const Scalar sum = dot6(block_.data() + 6 * j, vectors.data() + 6 * k);
+          square += sum * sum;
+        }
       }
       sigma[k] = std::sqrt(square);
       value *= sigma[k];
       largest = sigma[k] > largest ? sigma[k] : largest;
     }
-    // Below this σ_k is rounding, and so would be the direction divided by it.
+    // y = μ (J^#)ᵀ = A J or J A, A = Σ_k (Π_{l≠k} σ_l / σ_k) s_k s_kᵀ over that side's vectors.
+    // Below `rounding` σ_k is noise, and so would be what is divided by it.
     const Scalar rounding = Scalar(16) * std::numeric_limits<Scalar>::epsilon() * largest;
-    for (Index k = 0; k < side; ++k) {
+    fill(gram, Scalar(0));
+    for (Index k = 0; k < side_; ++k) {
       if (!(sigma[k] > rounding)) continue;
-      Scalar others(1);
-      for (Index l = 0; l < side; ++l) {
-        if (l != k) others *= sigma[l];
+      Scalar weight = Scalar(1) / sigma[k];
+      for (Index l = 0; l < side_; ++l) {
+        if (l != k) weight *= sigma[l];
       }
-      const Scalar weight = others / sigma[k];
-      for (Index j = 0; j < m_; ++j) {
-        for (Index i = 0; i < 6; ++i) {
-          y_(i, j) += weight * (tall ? long_side_(i, k) * short_side(j, k)
-                                     : short_side(i, k) * long_side_(j, k));
-        }
+      for (Index b = 0; b < side_; ++b) {
+        const Scalar factor = weight * vectors(b, k);
+        for (Index a = 0; a < side_; ++a) gram(a, b) += factor * vectors(a, k);
+      }
+    }
+    for (Index j = 0; j < m_; ++j) {
+      for (Index l = 0; l < side_; ++l) {
+        const Scalar factor = tall ? gram(l, j) : block_(l, j);
+        const Scalar* x = tall ? block_.data() + 6 * l : gram.data() + 6 * l;
+        for (Index i = 0; i < 6; ++i) y_(i, j) += factor * x[i];
       }
     }
     return value;
@@ -98,12 +114,10 @@ class ManipulabilityMeasure {
     const Vector3<Scalar> linear_i = column3(J, 0, c), angular_i = column3(J, 3, c);
     Scalar sum(0);
     for (Index j = 0; j < m_; ++j) {
-      const Vector3<Scalar> linear_j = column3(J, 0, column(j)),
-                            angular_j = column3(J, 3, column(j));
+      const Vector3<Scalar> linear_j = column3(block_, 0, j), angular_j = column3(block_, 3, j);
       const Vector3<Scalar> y_linear = column3(y_, 0, j);
       if (c <= column(j)) {
-        sum += dot(cross(angular_i, linear_j), y_linear) +
-               dot(cross(angular_i, angular_j), column3(y_, 3, j));
+        sum += dot(angular_i, plus(cross(linear_j, y_linear), cross(angular_j, column3(y_, 3, j))));
       } else {
         sum += dot(cross(angular_j, linear_i), y_linear);
       }
@@ -112,13 +126,17 @@ class ManipulabilityMeasure {
   }
 
  private:
-  using Matrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
+  using Block = Eigen::Matrix<Scalar, 6, Eigen::Dynamic>;
+  using Small = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, 6>;
   Index column(Index k) const noexcept { return columns_[static_cast<std::size_t>(k)]; }
+  static Scalar dot6(const Scalar* a, const Scalar* b) noexcept {
+    return (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) + (a[3] * b[3] + a[4] * b[4] + a[5] * b[5]);
+  }
 
   std::vector<Index> columns_;
-  Index m_;
+  Index m_, side_;
   SymmetricEigen<Scalar, 6> eigen_;
-  Matrix long_side_, y_;  // y: μ (J^#)ᵀ
+  Block block_, y_;  // the columns, and μ (J^#)ᵀ
 };
 
 }  // namespace detail
