@@ -344,31 +344,41 @@ TEST_F(ControllerTest, RecoversWhenTheFaultIsGone) {
 }
 
 // A task of the user's that breaks what it yields; `FunctionTask` gets blocks and cannot.
-class Resizing : public icat::Task<Robot> {
+enum class Resized { reference, rows, columns };
+template <class R>
+class Resizing : public icat::Task<R> {
  public:
-  Resizing(const Robot& robot, icat::Index columns)
-      : Task(robot, "resizing", 2), columns_(columns) {}
+  Resizing(const R& robot, Resized what) : icat::Task<R>(robot, "resizing", 2), what_(what) {}
 
  private:
   void compute() noexcept override {
-    if (columns_ == 13) {
-      reference_.resize(1);
-      return;
+    const icat::Index n = this->robot().dof();
+    if (what_ == Resized::reference) this->reference_.resize(1);
+    if (what_ == Resized::rows) this->jacobian_.setZero(3, n);
+    if constexpr (R::size == Eigen::Dynamic) {
+      if (what_ == Resized::columns) this->jacobian_.setZero(2, n - 1);
     }
-    Jacobian more = Jacobian::Zero(3, 13);
-    jacobian_.swap(more);
   }
-  icat::Index columns_;
+  Resized what_;
 };
 
+template <class R>
+void expect_refused(const R& robot, Resized what) {
+  Resizing<R> resizing(robot, what);
+  task::JointLimits<R> limits(robot);
+  task::Minimality<R> still(robot, robot.base_columns());
+  icat::Controller<R> controller(robot, {{"reach", {{limits}, {resizing}, {still}}}});
+  ASSERT_EQ(controller.start("reach", 0), Status::ok);
+  EXPECT_EQ(controller.step(0), Status::non_finite);
+  EXPECT_EQ(controller.report().failed_level(), 1);
+  EXPECT_TRUE(controller.velocity().allFinite());
+}
+
 TEST_F(ControllerTest, ATaskThatResizesWhatItYieldsIsRefused) {
-  for (const icat::Index columns : {7, 13}) {
-    Resizing resizing(robot, columns);
-    Controller controller(robot, {{"reach", {{limits}, {resizing}, {tool}}}});
-    ASSERT_EQ(controller.start("reach", 0), Status::ok);
-    EXPECT_EQ(controller.step(0), Status::non_finite);
-    EXPECT_EQ(controller.report().failed_level(), 1);
-    EXPECT_TRUE(controller.velocity().allFinite());
+  for (const Resized what : {Resized::reference, Resized::rows}) expect_refused(robot, what);
+  const auto of_dynamic_size = testing_support::mobile_arm(icat::Base<double>::surface());
+  for (const Resized what : {Resized::reference, Resized::rows, Resized::columns}) {
+    expect_refused(of_dynamic_size, what);
   }
 }
 
