@@ -204,10 +204,17 @@ class FrameGoal : public ReactiveTask<R> {
     this->set_scalar(first, distance, *part.norm, part.max_rate, fade);
     this->reference_(first) += sum.forward;
   }
+  static bool is_zero(const Vector3<Scalar>& v) noexcept {
+    return v(0) == Scalar(0) && v(1) == Scalar(0) && v(2) == Scalar(0);
+  }
   void write(Index row, const Vector3<Scalar>& linear, const Vector3<Scalar>& angular) noexcept {
     const auto& J = frame_.jacobian();
+    const bool moves = !is_zero(linear), turns = !is_zero(angular);
     for (Index j = 0; j < J.cols(); ++j) {
-      this->jacobian_(row, j) = dot(linear, column3(J, 0, j)) + dot(angular, column3(J, 3, j));
+      Scalar rate(0);
+      if (moves) rate = dot(linear, column3(J, 0, j));
+      if (turns) rate += dot(angular, column3(J, 3, j));
+      this->jacobian_(row, j) = rate;
     }
   }
 

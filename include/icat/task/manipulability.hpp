@@ -18,6 +18,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <type_traits>
 #include <vector>
 
 #include "icat/math/spatial_algebra.hpp"
@@ -46,66 +47,8 @@ class ManipulabilityMeasure {
       for (Index i = 0; i < 6; ++i) block_(i, j) = J(i, column(j));
     }
     fill(y_, Scalar(0));
-    // J Jᵀ, or JᵀJ for fewer than six columns: the side that has full rank.
-    const bool tall = m_ < 6;
-    Small gram(side_, side_);
-    fill(gram, Scalar(0));
-    for (Index j = 0; j < m_; ++j) {
-      const Scalar* x = block_.data() + 6 * j;
-      for (Index b = 0; b < side_; ++b) {
-        if (tall) {
-          gram(b, j) = dot6(block_.data() + 6 * b, x);
-        } else {
-          for (Index a = 0; a < 6; ++a) gram(a, b) += x[a] * x[b];
-        }
-      }
-    }
-    if (!eigen_.compute(gram)) return Scalar(0);
-
-    // σ_k from J itself: the square root of a small eigenvalue of the Gram matrix is noise.
-    const auto& vectors = eigen_.vectors();
-    Scalar sigma[6], largest(0), value(1);
-    for (Index k = 0; k < side_; ++k) {
-      Scalar square(0);
-      if (tall) {
-        for (Index i = 0; i < 6; ++i) {
-          Scalar sum(0);
-          for (Index j = 0; j < m_; ++j) sum += block_(i, j) * vectors(j, k);
-          square += sum * sum;
-        }
-      } else {
-        for (Index j = 0; j < m_; ++j) {
-          const Scalar sum = dot6(block_.data() + 6 * j, vectors.data() + 6 * k);
-          square += sum * sum;
-        }
-      }
-      sigma[k] = std::sqrt(square);
-      value *= sigma[k];
-      largest = sigma[k] > largest ? sigma[k] : largest;
-    }
-    // y = μ (J^#)ᵀ = A J or J A, A = Σ_k (Π_{l≠k} σ_l / σ_k) s_k s_kᵀ over that side's vectors.
-    // Below `rounding` σ_k is noise, and so would be what is divided by it.
-    const Scalar rounding = Scalar(16) * std::numeric_limits<Scalar>::epsilon() * largest;
-    fill(gram, Scalar(0));
-    for (Index k = 0; k < side_; ++k) {
-      if (!(sigma[k] > rounding)) continue;
-      Scalar weight = Scalar(1) / sigma[k];
-      for (Index l = 0; l < side_; ++l) {
-        if (l != k) weight *= sigma[l];
-      }
-      for (Index b = 0; b < side_; ++b) {
-        const Scalar factor = weight * vectors(b, k);
-        for (Index a = 0; a < side_; ++a) gram(a, b) += factor * vectors(a, k);
-      }
-    }
-    for (Index j = 0; j < m_; ++j) {
-      for (Index l = 0; l < side_; ++l) {
-        const Scalar factor = tall ? gram(l, j) : block_(l, j);
-        const Scalar* x = tall ? block_.data() + 6 * l : gram.data() + 6 * l;
-        for (Index i = 0; i < 6; ++i) y_(i, j) += factor * x[i];
-      }
-    }
-    return value;
+    // Loops of known length for the usual arm.
+    return side_ == 6 ? solve(Six()) : solve(side_);
   }
 
   /// ∂μ/∂q for the joint in column `c` of `J`, after `compute`.
@@ -129,8 +72,67 @@ class ManipulabilityMeasure {
   using Block = Eigen::Matrix<Scalar, 6, Eigen::Dynamic>;
   using Small = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, 6>;
   Index column(Index k) const noexcept { return columns_[static_cast<std::size_t>(k)]; }
+  using Six = std::integral_constant<Index, 6>;
   static Scalar dot6(const Scalar* a, const Scalar* b) noexcept {
     return (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) + (a[3] * b[3] + a[4] * b[4] + a[5] * b[5]);
+  }
+
+  template <class Side>
+  Scalar solve(Side side) noexcept {
+    // J Jᵀ, or JᵀJ for fewer than six columns: the side that has full rank.
+    const bool tall = side < 6;
+    const Scalar* J = block_.data();
+    Small S(Index{side}, Index{side});
+    fill(S, Scalar(0));
+    for (Index j = 0; j < m_; ++j) {
+      for (Index b = 0; b < side; ++b) {
+        if (tall) {
+          S(b, j) = dot6(J + 6 * b, J + 6 * j);
+          continue;
+        }
+        const Scalar x = J[6 * j + b];
+        for (Index a = 0; a < side; ++a) S(a, b) += J[6 * j + a] * x;
+      }
+    }
+    if (!eigen_.compute(S)) return Scalar(0);
+
+    // σ_k from J itself: the square root of a small eigenvalue of the Gram matrix is noise.
+    const auto& V = eigen_.vectors();
+    Scalar sigma[6], largest(0), value(1);
+    for (Index k = 0; k < side; ++k) {
+      Scalar square(0);
+      for (Index i = 0; i < (tall ? 6 : m_); ++i) {
+        Scalar sum(0);
+        for (Index l = 0; l < side; ++l) sum += (tall ? J[6 * l + i] : J[6 * i + l]) * V(l, k);
+        square += sum * sum;
+      }
+      sigma[k] = std::sqrt(square);
+      value *= sigma[k];
+      largest = sigma[k] > largest ? sigma[k] : largest;
+    }
+    // y = μ (J^#)ᵀ = A J or J A, A = Σ_k (Π_{l≠k} σ_l / σ_k) s_k s_kᵀ over that side's vectors.
+    // Below `rounding` σ_k is noise, and so would be what is divided by it.
+    const Scalar rounding = Scalar(16) * std::numeric_limits<Scalar>::epsilon() * largest;
+    fill(S, Scalar(0));
+    for (Index k = 0; k < side; ++k) {
+      if (!(sigma[k] > rounding)) continue;
+      Scalar weight = Scalar(1) / sigma[k];
+      for (Index l = 0; l < side; ++l) {
+        if (l != k) weight *= sigma[l];
+      }
+      for (Index b = 0; b < side; ++b) {
+        const Scalar factor = weight * V(b, k);
+        for (Index a = 0; a < side; ++a) S(a, b) += factor * V(a, k);
+      }
+    }
+    for (Index j = 0; j < m_; ++j) {
+      for (Index l = 0; l < side; ++l) {
+        const Scalar factor = tall ? S(l, j) : J[6 * j + l];
+        const Scalar* x = tall ? J + 6 * l : S.data() + 6 * l;
+        for (Index i = 0; i < 6; ++i) y_(i, j) += factor * x[i];
+      }
+    }
+    return value;
   }
 
   std::vector<Index> columns_;
