@@ -242,6 +242,19 @@ foreign() {
     -fvisibility-inlines-hidden -c "$source/solver.cpp" -o "$folder/apart.o"
   g++-12 -shared -Wl,-Bsymbolic "$folder/apart.o" -o "$folder/libapart.so"
 
+  # The adapters that hand no matrix of Eigen to their library, and so take any flags. What the tests
+  # do with KDL's own matrices is left out.
+  need liburdfdom-dev
+  need libmujoco-dev
+  local adapter
+  for adapter in urdf kdl mujoco; do
+    ccache g++-12 "${common[@]}" -Itests -DICAT_ROBOT_DATA='""' -DICAT_SNAPSHOT='""' \
+      -O2 -march=native -c "tests/adapters/test_$adapter.cpp" -o "$folder/adapter.o"
+    g++-12 "$folder/adapter.o" -o "$folder/adapter_$adapter" -lgtest_main -lgtest -lorocos-kdl \
+      -lmujoco -lurdfdom_model -lconsole_bridge
+    "$folder/adapter_$adapter" --gtest_filter='-*KdlsOwn'
+  done
+
   local failed=0 eigen kdl pin solver program
   : >"$facts/foreign.rows"
   while IFS='|' read -r must flags label; do

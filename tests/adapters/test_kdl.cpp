@@ -153,6 +153,23 @@ TEST_F(Kdl, BadInputIsRefusedAndNothingAllocates) {
             0);
 }
 
+TEST_F(Kdl, AsThePageShows) {
+  KDL::Chain chain;
+  ASSERT_TRUE(model.getChain("world_link", "left_tip", chain));
+  const KDL::Tree& tree = model;
+  const auto [q, base_pose] = torso::states(robot, 1, 1)[0];
+  //! [robot]
+  icat::KdlRobot arm(chain);                                 // a KDL::Chain
+  icat::KdlRobot vehicle(tree, icat::Base<double>::free());  // a KDL::Tree
+  vehicle.set_limits("left_wrist", {.max_velocity = 2, .continuous = true});
+  icat::Status status = vehicle.update(q, base_pose);
+  //! [robot]
+  EXPECT_EQ(status, Status::ok);
+  EXPECT_EQ(arm.dof(), 4);
+  EXPECT_TRUE(vehicle.joints()[static_cast<std::size_t>(icat::joint_index(vehicle, "left_wrist"))]
+                  .continuous);
+}
+
 TEST(KdlChain, NamesAndKdlsOwn) {
   KDL::Chain chain;
   chain.addSegment(KDL::Segment(KDL::Joint(KDL::Joint::RotZ), KDL::Frame(KDL::Vector(0, 0, 0.2))));

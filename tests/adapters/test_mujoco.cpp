@@ -195,6 +195,20 @@ TEST_F(Mujoco, JacobiansAreTheDerivativesOfMujocosIntegration) {
   EXPECT_EQ(qvel.segment(6, robot.dof()), Eigen::VectorXd::Zero(robot.dof()));
 }
 
+TEST_F(Mujoco, AsThePageShows) {
+  const Model model = compile(mjcf(ball("first") + floating(description)));
+  std::unique_ptr<mjData, void (*)(mjData*)> data(mj_makeData(model.get()), mj_deleteData);
+  const Eigen::VectorXd velocity = Eigen::VectorXd::Ones(robot.dof());
+  //! [robot]
+  icat::MujocoRobot torso(*model, "world_link");  // the part of the scene below this body
+  icat::Status status = torso.update(*data);      // the state of a simulation
+  status = torso.write_qvel(velocity, data->qvel);
+  //! [robot]
+  EXPECT_EQ(status, Status::ok);
+  EXPECT_EQ(data->qvel[5], 0);
+  EXPECT_EQ(data->qvel[11], 1);
+}
+
 TEST_F(Mujoco, TheSameTasksGiveTheSameVelocities) {
   torso::expect_same_velocities(
       bolted, fixed, [&](MujocoRobot& r, const auto& s) { move(r, s); }, false);

@@ -1,14 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Robots from URDF: what is read, what is refused and with which words. That poses and Jacobians
 // are right is shown against Pinocchio, see pinocchio/test_pinocchio.cpp.
+#include <icat/adapters/urdf.hpp>
+// First, so that the header is seen to include what it needs.
 #include <gtest/gtest.h>
 
 #include <clocale>
 #include <fstream>
-#include <icat/adapters/urdf.hpp>
 #include <locale>
 
 #include "robot_data.hpp"
+#include "torso.hpp"
+
+// Links that carry each other hold each other in urdfdom, too, for ever.
+extern "C" const char* __lsan_default_suppressions() { return "leak:liburdfdom_model\n"; }
 
 namespace {
 
@@ -208,6 +213,19 @@ TEST(Urdf, FilesAreNamedInErrors) {
   EXPECT_TRUE(says(error([&] { icat::load_urdf(path); }),
                    "load_urdf: '" + path + "': joint 'x' is floating"));
   std::remove(path.c_str());
+}
+
+TEST(Urdf, AsThePageShows) {
+  const std::string file = testing::TempDir() + "/icat_torso.urdf";
+  std::ofstream(file) << torso::urdf;
+  //! [load]
+  auto torso = icat::load_urdf<double>(file);
+  auto mobile = icat::load_urdf<double>(
+      file, {.base = icat::Base<double>::differential_drive(), .locked = {{"lift", 0.2}}});
+  //! [load]
+  std::remove(file.c_str());
+  EXPECT_EQ(torso.dof(), 6);
+  EXPECT_EQ(mobile.dof(), 7);
 }
 
 // A program in a country with decimal commas.

@@ -227,6 +227,19 @@ TEST_F(PinocchioTorso, IsTheTree) {
   std::printf("worst difference to the tree %.1e\n", worst);
 }
 
+TEST_F(PinocchioTorso, AsThePageShows) {
+  const std::string text = torso::urdf;
+  const auto [q, base_pose] = torso::states(robot, 1, 1)[0];
+  //! [robot]
+  pinocchio::Model model;
+  pinocchio::urdf::buildModelFromXML(text, pinocchio::JointModelFreeFlyer(), model);
+  icat::PinocchioRobot<double> torso(model);
+  torso.set_limits("left_elbow", {.max_acceleration = 5});  // what the model does not know
+  icat::Status status = torso.update(q, base_pose);
+  //! [robot]
+  EXPECT_EQ(status, Status::ok);
+}
+
 TEST_F(PinocchioTorso, TheSameTasksGiveTheSameVelocities) {
   torso::expect_same_velocities(
       bolted, fixed, [&](Robot& r, const auto& s) { move(r, s); }, false);
