@@ -153,11 +153,11 @@ TEST_F(Kdl, BadInputIsRefusedAndNothingAllocates) {
             0);
 }
 
-TEST_F(Kdl, AsThePageShows) {
+TEST(KdlTree, AsThePageShows) {
+  const KDL::Tree tree = kdl(icat::detail::urdf_description<double>(torso::urdf, {}, "test"));
   KDL::Chain chain;
-  ASSERT_TRUE(model.getChain("world_link", "left_tip", chain));
-  const KDL::Tree& tree = model;
-  const auto [q, base_pose] = torso::states(robot, 1, 1)[0];
+  ASSERT_TRUE(tree.getChain("world_link", "left_tip", chain));
+  const auto [q, base_pose] = torso::states(KdlRobot(tree), 1, 1)[0];
   //! [robot]
   icat::KdlRobot arm(chain);                                 // a KDL::Chain
   icat::KdlRobot vehicle(tree, icat::Base<double>::free());  // a KDL::Tree
