@@ -53,6 +53,47 @@ apt_install() {
   }
 }
 
+# python_tools: an environment of Python of the project's own.
+venv=$PWD/build/venv
+python_tools() {
+  need python3:python3
+  mkdir -p build
+  [[ -x $venv/bin/pip ]] || python3 -m venv "$venv" >/dev/null || {
+    need python3-venv
+    python3 -m venv "$venv"
+  }
+}
+
+# need_pinocchio: Pinocchio with the headers of its urdfdom, from PyPI.
+need_pinocchio() {
+  python_tools
+  "$venv/bin/pip" install -q --disable-pip-version-check pin==4.1.0 cmeel-urdfdom-headers==3.0.0 ||
+    fail "pip could not install Pinocchio"
+}
+
+# need_robot_data: the URDF files of example-robot-data, from PyPI, without their meshes.
+need_robot_data() {
+  local version=6.0.0 folder=build/robot_data wheel=build/wheel
+  [[ ! -f $folder/$version ]] || return 0
+  python_tools
+  "$venv/bin/pip" download -q --disable-pip-version-check --no-deps -d "$wheel" \
+    "example-robot-data==$version" || fail "pip could not download example-robot-data"
+  rm -rf "$folder"
+  "$venv/bin/python" - "$wheel" "$folder" <<'PYTHON'
+import glob, os, sys, zipfile
+wheel, folder = sys.argv[1:]
+with zipfile.ZipFile(glob.glob(wheel + "/example_robot_data-*.whl")[0]) as files:
+    for name in files.namelist():
+        if name.endswith(".urdf"):
+            path = os.path.join(folder, name.split("/robots/", 1)[1])
+            os.makedirs(os.path.dirname(path), exist_ok=True)
+            with open(path, "wb") as out:
+                out.write(files.read(name))
+PYTHON
+  rm -rf "$wheel"
+  touch "$folder/$version"
+}
+
 # Stops when the compiler or CMake is too old; CXX chooses another compiler.
 need_compiler() {
   export CXX=${CXX:-g++}

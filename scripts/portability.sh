@@ -143,8 +143,8 @@ eigen5() {
   python_tools
   local folder=$work/eigen5
   mkdir -p "$folder/wheel"
-  "$work/venv/bin/pip" download -q --no-deps -d "$folder/wheel" "eigency==$eigen5.1"
-  "$work/venv/bin/python" -m zipfile -e "$folder"/wheel/eigency-*.whl "$folder/wheel"
+  "$venv/bin/pip" download -q --no-deps -d "$folder/wheel" "eigency==$eigen5.1"
+  "$venv/bin/python" -m zipfile -e "$folder"/wheel/eigency-*.whl "$folder/wheel"
   # The wheel has the headers alone.
   cat >"$folder/Eigen3Config.cmake" <<CMAKE
 if(NOT TARGET Eigen3::Eigen)
@@ -200,14 +200,6 @@ eigen_folder() {
   fail "no folder of Eigen"
 }
 
-python_tools() {
-  need python3:python3
-  [[ -x $work/venv/bin/pip ]] || python3 -m venv "$work/venv" || {
-    need python3-venv
-    python3 -m venv "$work/venv"
-  }
-}
-
 # must work? | flags of the program | what the page says about it
 foreign_variants="
 yes|-O2|
@@ -235,10 +227,9 @@ outcome() {
 foreign() {
   need_cxx g++-12
   need liborocos-kdl-dev
-  python_tools
-  "$work/venv/bin/pip" install -q pin==4.1.0
+  need_pinocchio
   local prefix source=tests/user_project/foreign folder=$work/foreign must flags label i=0
-  prefix=$(echo "$work"/venv/lib/python*/site-packages/cmeel.prefix)
+  prefix=$(echo "$venv"/lib/python*/site-packages/cmeel.prefix)
   mkdir -p "$folder"
   local common=(-std=c++20 -DNDEBUG -Iinclude -isystem "$(eigen_folder)")
   local pinocchio=(-isystem "$prefix/include" -DBOOST_MPL_LIMIT_LIST_SIZE=30
@@ -250,6 +241,19 @@ foreign() {
   ccache g++-12 "${common[@]}" -O2 -march=native -fPIC -fvisibility=hidden \
     -fvisibility-inlines-hidden -c "$source/solver.cpp" -o "$folder/apart.o"
   g++-12 -shared -Wl,-Bsymbolic "$folder/apart.o" -o "$folder/libapart.so"
+
+  # The adapters that hand no matrix of Eigen to their library, and so take any flags. What the tests
+  # do with KDL's own matrices is left out.
+  need liburdfdom-dev
+  need libmujoco-dev
+  local adapter
+  for adapter in urdf kdl mujoco; do
+    ccache g++-12 "${common[@]}" -Itests -DICAT_ROBOT_DATA='""' -DICAT_SNAPSHOT='""' \
+      -O2 -march=native -c "tests/adapters/test_$adapter.cpp" -o "$folder/adapter.o"
+    g++-12 "$folder/adapter.o" -o "$folder/adapter_$adapter" -lgtest_main -lgtest -lorocos-kdl \
+      -lmujoco -lurdfdom_model -lconsole_bridge
+    "$folder/adapter_$adapter" --gtest_filter='-*KdlsOwn'
+  done
 
   local failed=0 eigen kdl pin solver program
   : >"$facts/foreign.rows"

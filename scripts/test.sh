@@ -6,7 +6,7 @@ source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
 need g++:g++ clang:clang++ cmake:cmake ninja-build:ninja ccache:ccache doxygen:doxygen \
   gnuplot-nox:gnuplot libeigen3-dev libgtest-dev libbenchmark-dev libcli11-dev libmujoco-dev \
-  time:/usr/bin/time git:git
+  liburdfdom-dev liborocos-kdl-dev time:/usr/bin/time git:git
 need_compiler
 
 # Where the sanitizers of clang are a package of their own, it carries the version in its name.
@@ -15,6 +15,8 @@ if ! clang++ -fsanitize=address,undefined -x c++ - -o build/sanitizer_probe \
   2>/dev/null <<<'int main() {}'; then
   need "libclang-rt-$(clang++ -dumpversion | cut -d. -f1)-dev"
 fi
+need_pinocchio
+need_robot_data
 SECONDS=0 # installing depends on the network
 
 for preset in release sanitize; do

@@ -123,27 +123,20 @@ class PinocchioRobot : public ForeignRobot<ScalarType> {
   Status update_configuration(const Eigen::MatrixBase<Q>& q) noexcept {
     if (q.size() != model_.nq) return Status::wrong_size;
     if (!this->all_finite(q)) return Status::non_finite;
-    const auto length = [&](Index first, Index count) {
-      Scalar square(0);
-      for (Index i = first; i < first + count; ++i) square += q(i) * q(i);
-      return std::sqrt(square);
-    };
-    const auto is_one = [](Scalar x) { return std::abs(x - Scalar(1)) < Scalar(1e-3); };
-    // Of the root: the numbers that must have length 1.
+    // Numbers that must have length 1: of the root, and pairs of cosine and sine.
     const Index first = planar_ ? 2 : 3, count = base_joint_ == 0 ? 0 : planar_ ? 2 : 4;
-    if (count > 0 && !is_one(length(first, count))) return Status::not_a_rotation;
+    if (count > 0 && !is_unit(q, first, count)) return Status::not_a_rotation;
     for (const Place& place : places_) {
-      if (place.circle && !is_one(length(place.first, 2))) return Status::not_a_rotation;
+      if (place.circle && !is_unit(q, place.first, 2)) return Status::not_a_rotation;
     }
     for (Index i = 0; i < q.size(); ++i) configuration_(i) = q(i);
-    for (Index i = first; i < first + count; ++i) configuration_(i) /= length(first, count);
+    if (count > 0) normalize(first, count);
     for (std::size_t i = 0; i < places_.size(); ++i) {
-      const Place& place = places_[i];
-      Scalar position = q(place.first);
-      if (place.circle) {
-        const Scalar l = length(place.first, 2);
-        position = std::atan2(q(place.first + 1), q(place.first));
-        configuration_(place.first) /= l, configuration_(place.first + 1) /= l;
+      const Index at = places_[i].first;
+      Scalar position = configuration_(at);
+      if (places_[i].circle) {
+        normalize(at, 2);
+        position = std::atan2(configuration_(at + 1), configuration_(at));
       }
       this->set_position(static_cast<Index>(i), position);
     }
@@ -192,6 +185,20 @@ class PinocchioRobot : public ForeignRobot<ScalarType> {
 
   static Pose<Scalar> to_pose(const typename Model::SE3& placement) noexcept {
     return detail::make_pose<Scalar>(placement.rotation(), placement.translation());
+  }
+  template <class Q>
+  static Scalar length(const Q& q, Index first, Index count) noexcept {
+    Scalar square(0);
+    for (Index i = first; i < first + count; ++i) square += q(i) * q(i);
+    return std::sqrt(square);
+  }
+  template <class Q>
+  static bool is_unit(const Q& q, Index first, Index count) noexcept {
+    return std::abs(length(q, first, count) - Scalar(1)) < Scalar(1e-3);
+  }
+  void normalize(Index first, Index count) noexcept {
+    const Scalar l = length(configuration_, first, count);
+    for (Index i = first; i < first + count; ++i) configuration_(i) /= l;
   }
   const Placed& placed(FrameId frame) const noexcept {
     return frames_[static_cast<std::size_t>(frame.index())];
