@@ -24,8 +24,6 @@ namespace icat {
 
 /// Width in rad of the zone before π in which orientation errors fade out.
 inline constexpr double half_turn_fade = 0.1;
-/// The same for the misalignment vector; wider, because there the Jacobian fades too.
-inline constexpr double misalignment_fade = 0.5;
 
 /// 1 up to π − `fade`, from there smoothly to 0 at `angle` = π.
 template <class Scalar>
@@ -189,10 +187,14 @@ Pose<Scalar> integrate(const Pose<Scalar>& pose, const Vector6<Scalar>& twist, S
 
 /// Misalignment of the unit vector `d` from the z axis of the frame its components are on.
 ///
-/// `angle` θ in [0, π] with gradient `angle_gradient` = ∂θ/∂d; and the misalignment vector
-/// ξ = θ n, n = z × d / ‖z × d‖, which has no z component: `vector` = (ξ_x, ξ_y), faded to 0
-/// before π, with derivative `vector_gradient` = ∂ξ/∂d (2 × 3). ξ and its derivative are smooth
-/// everywhere; the gradient of θ is 0 at θ = 0 and π, where θ has a kink.
+/// `angle` θ in [0, π] with gradient `angle_gradient` = ∂θ/∂d, which is 0 at θ = 0 and π, where θ
+/// has a kink; and the misalignment vector ξ = θ n, n = z × d / ‖z × d‖, which has no z component:
+/// `vector` = (ξ_x, ξ_y), faded to 0 before π.
+///
+/// `vector_rate` Ξ is what goes with ξ as a velocity: Ξ ḋ is z × ḋ after d was turned to z the
+/// short way. Along n that is θ̇, across it sinθ times the rate of n, and both equal ξ̇ for small θ.
+/// The derivative of the faded ξ will not do: it falls towards π, so whoever reduces it near π
+/// turns d away from z. Ξ never vanishes: Ξᵀ Ξ = I − d dᵀ. At π its rows turn over.
 template <class Scalar>
 struct Misalignment {
   /// θ, rad.
@@ -201,52 +203,46 @@ struct Misalignment {
   Eigen::Matrix<Scalar, 1, 3> angle_gradient;
   /// (ξ_x, ξ_y), rad.
   Vector<Scalar, 2> vector;
-  /// ∂ξ/∂d.
-  Eigen::Matrix<Scalar, 2, 3> vector_gradient;
+  /// Ξ.
+  Eigen::Matrix<Scalar, 2, 3> vector_rate;
 };
 
 /// See `Misalignment`. `d` has unit length. No allocation.
 template <class Scalar>
 Misalignment<Scalar> misalignment_from_z(const Vector3<Scalar>& d) noexcept {
-  constexpr Scalar pi = std::numbers::pi_v<Scalar>;
   Misalignment<Scalar> m;
   const Scalar s = std::hypot(d(0), d(1));
-  m.angle = std::atan2(s, d(2));
+  const Scalar theta = m.angle = std::atan2(s, d(2));
   detail::fill(m.angle_gradient, Scalar(0));
   // Nearer to the kink than the rounding of d its direction is unknown.
-  if (s > Scalar(8) * std::numeric_limits<Scalar>::epsilon()) {
+  const bool known = s > Scalar(8) * std::numeric_limits<Scalar>::epsilon();
+  if (known) {
     m.angle_gradient(0) = d(2) * d(0) / s;
     m.angle_gradient(1) = d(2) * d(1) / s;
     m.angle_gradient(2) = -s;
   }
 
-  // ξ = g(θ) (−d_y, d_x), g = θ w(θ) / sinθ, with w the fade. Both ends by their series.
-  const Scalar theta = m.angle;
-  const Scalar rest = pi - theta;
-  const Scalar fade = Scalar(misalignment_fade);
-  Scalar g, g_slope;  // and dg/dθ
-  if (theta < Scalar(1e-3)) {
-    g = Scalar(1) + theta * theta / Scalar(6);
-    g_slope = theta / Scalar(3);
-  } else if (rest < Scalar(1e-4)) {
-    // w = 10 u³ + O(u⁴), u = rest / fade: g ≈ 10 π rest² / fade³.
-    g = Scalar(10) * pi * rest * rest / (fade * fade * fade);
-    g_slope = -Scalar(20) * pi * rest / (fade * fade * fade);
-  } else {
-    const Scalar w = half_turn_weight(theta, fade);
-    const Scalar w_slope = -smooth_step_derivative(rest / fade) / fade;
-    const Scalar sine = std::sin(theta);
-    g = theta * w / sine;
-    g_slope = ((w + theta * w_slope) - g * std::cos(theta)) / sine;
-  }
+  // ξ = g (−d_y, d_x)
+  const Scalar g = theta < Scalar(1e-3) ? Scalar(1) + theta * theta / Scalar(6)
+                   : known              ? theta * half_turn_weight(theta) / s
+                                        : Scalar(0);
   m.vector(0) = -g * d(1);
   m.vector(1) = g * d(0);
-  for (Index i = 0; i < 3; ++i) {
-    m.vector_gradient(0, i) = -d(1) * g_slope * m.angle_gradient(i);
-    m.vector_gradient(1, i) = d(0) * g_slope * m.angle_gradient(i);
+
+  // The turn from d to z takes v across d to v − (d + z) v_z / (1 + d_z).
+  if (d(2) > Scalar(-0.5)) {
+    const Scalar k = Scalar(1) / (Scalar(1) + d(2));
+    detail::set_row3(m.vector_rate, 0, 0, Vector3<Scalar>(Scalar(0), Scalar(-1), k * d(1)));
+    detail::set_row3(m.vector_rate, 1, 0, Vector3<Scalar>(Scalar(1), Scalar(0), -k * d(0)));
+  } else {
+    // v_z by v_x and v_y: it is small, and what it is divided by smaller.
+    const Scalar k = known ? (Scalar(1) - d(2)) / (d(2) * s * s) : Scalar(0);
+    const Vector3<Scalar> r(d(0), d(1), Scalar(0));
+    detail::set_row3(m.vector_rate, 0, 0,
+                     detail::plus(Vector3<Scalar>(Scalar(0), Scalar(-1), Scalar(0)), -k * d(1), r));
+    detail::set_row3(m.vector_rate, 1, 0,
+                     detail::plus(Vector3<Scalar>(Scalar(1), Scalar(0), Scalar(0)), k * d(0), r));
   }
-  m.vector_gradient(0, 1) -= g;
-  m.vector_gradient(1, 0) += g;
   return m;
 }
 

@@ -173,25 +173,38 @@ template <JointedRobot R>
 
 }  // namespace detail
 
-/// Which of `robot.joints()` is called `name`. For configuration.
+/// Which of `robot.joints()` is called `name`; `owner` begins the error. For configuration.
 /// @throws std::invalid_argument with the names there are.
 template <JointedRobot R>
-[[gnu::cold]] Index joint_index(const R& robot, std::string_view name) {
+[[gnu::cold]] Index joint_index(const R& robot, std::string_view name,
+                                std::string_view owner = "") {
   Index i = 0;
   for (const auto& joint : robot.joints()) {
     if (joint.name == name) return i;
     ++i;
   }
-  detail::invalid("no joint '", name, "'; there are ", detail::listed(detail::joint_names(robot)));
+  detail::invalid(owner, owner.empty() ? "" : ": ", "no joint '", name, "'; there are ",
+                  detail::listed(detail::joint_names(robot)));
 }
 
-/// The indices of the joints called `names`, of all where there are none. For configuration.
-/// @throws std::invalid_argument with the names there are.
+/// The indices of the joints called `names`, of all where there are none; `owner` begins the error.
+/// For configuration.
+/// @throws std::invalid_argument on a name that stands twice, or that there is not, with those that
+///         there are.
 template <JointedRobot R>
 [[gnu::cold]] std::vector<Index> joint_indices(const R& robot,
-                                               const std::vector<std::string>& names) {
+                                               const std::vector<std::string>& names,
+                                               std::string_view owner = "") {
   std::vector<Index> indices;
-  for (const auto& name : names) indices.push_back(joint_index(robot, name));
+  for (const auto& name : names) {
+    const Index i = joint_index(robot, name, owner);
+    for (const Index other : indices) {
+      if (other == i) {
+        detail::invalid(owner, owner.empty() ? "" : ": ", "joint '", name, "' stands twice");
+      }
+    }
+    indices.push_back(i);
+  }
   if (names.empty()) {
     for (std::size_t i = 0; i < robot.joints().size(); ++i) {
       indices.push_back(static_cast<Index>(i));
@@ -200,12 +213,14 @@ template <JointedRobot R>
   return indices;
 }
 
-/// The columns of the joints called `names`, of all joints where there are none. For configuration.
-/// @throws std::invalid_argument with the names there are.
+/// The columns of the joints called `names`, of all joints where there are none; `owner` begins the
+/// error. For configuration.
+/// @throws std::invalid_argument as `joint_indices`.
 template <JointedRobot R>
-[[gnu::cold]] Columns joint_columns(const R& robot, const std::vector<std::string>& names = {}) {
+[[gnu::cold]] Columns joint_columns(const R& robot, const std::vector<std::string>& names = {},
+                                    std::string_view owner = "") {
   std::vector<Index> columns;
-  for (const Index i : joint_indices(robot, names)) {
+  for (const Index i : joint_indices(robot, names, owner)) {
     columns.push_back(robot.joints()[static_cast<std::size_t>(i)].column);
   }
   return Columns(std::move(columns));

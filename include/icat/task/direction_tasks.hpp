@@ -9,7 +9,8 @@
 ///     world:   d/dt (R_fᵀ d) = R_fᵀ (d × ω)
 ///     target:  d/dt (R_fᵀ (p − p_f)) = R_fᵀ (ṗ − v − ω × (p − p_f))
 ///
-/// Component form: the two components of ξ to zero. Norm form: an objective on θ, one row.
+/// Component form: ẋ is the velocity Ξ d/dt (A R_fᵀ d) of that direction across itself, ẋ̄ = −γ ξ.
+/// Norm form: an objective on θ, one row.
 #pragma once
 
 #include <optional>
@@ -79,7 +80,7 @@ class DirectionTask : public ReactiveTask<R> {
 
   FrameId frame() const noexcept { return frame_; }
 
-  /// Misalignment of the direction `d` of ⟨0⟩, and its derivative by d, components on ⟨0⟩.
+  /// Misalignment of the direction `d` of ⟨0⟩, and its rate by ḋ, components on ⟨0⟩.
   void measure(const Vector3<Scalar>& d) noexcept {
     turn_ = times(to_z_, transpose(rotation(this->robot().pose(frame_))));
     misalignment_ = misalignment_from_z<Scalar>(times(turn_, d));
@@ -88,7 +89,7 @@ class DirectionTask : public ReactiveTask<R> {
   /// Gradient of row `row` by the direction, components on ⟨0⟩.
   Vector3<Scalar> gradient(Index row) const noexcept {
     return transposed_times(turn_, norm_ ? row3(misalignment_.angle_gradient, 0, 0)
-                                         : row3(misalignment_.vector_gradient, row, 0));
+                                         : row3(misalignment_.vector_rate, row, 0));
   }
   /// References and activations; `feed_forward` for each row, `fade` of the angle near 0.
   void finish(const Scalar* feed_forward, Scalar fade) noexcept {

@@ -133,6 +133,12 @@ class CenterOfMass : public ReactiveTask<R> {
     velocity_ = velocity;
     return Status::ok;
   }
+  /// Another rate, m/s; refused unless > 0.
+  Status set_max_rate(Scalar rate) noexcept {
+    if (!(rate > Scalar(0))) return Status::out_of_range;
+    options_.max_rate = rate;
+    return Status::ok;
+  }
 
  private:
   void compute() noexcept override {

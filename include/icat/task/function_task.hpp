@@ -47,6 +47,12 @@ class FunctionTask : public ReactiveTask<R> {
   }
   /// Another objective. Its construction throws on bad numbers, so build it outside the loop.
   void set_objective(const Objective<Scalar>& objective) noexcept { objective_ = objective; }
+  /// Another limit of the rate of each row; refused unless > 0.
+  Status set_max_rate(Scalar rate) noexcept {
+    if (!(rate > Scalar(0))) return Status::out_of_range;
+    max_rate_ = rate;
+    return Status::ok;
+  }
   /// x of the last update.
   const Vector<Scalar, Eigen::Dynamic>& values() const noexcept { return x_; }
 

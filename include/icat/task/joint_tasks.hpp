@@ -2,7 +2,10 @@
 /// @file
 /// Tasks of joints alone: away from their limits, to a position.
 ///
-///     e_j = q*_j − q_j, for a continuous joint wrapped to [−π, π] and faded out at π
+///     e_j = q*_j − q_j, for a continuous joint wrapped to [−π, π]
+///
+/// At π the wrapped error would flip: there it fades out in the component form, and in the norm
+/// form the row does.
 #pragma once
 
 #include <cmath>
@@ -35,6 +38,10 @@ class PerJoint {
   Scalar operator[](Index i) const noexcept {
     return values_[for_all_ ? 0 : static_cast<std::size_t>(i)];
   }
+  /// The same number for all from now on. No allocation.
+  void set_all(Scalar value) noexcept {
+    for (Scalar& v : values_) v = value;
+  }
 
  private:
   std::vector<Scalar> values_;
@@ -52,7 +59,7 @@ class JointTask : public ReactiveTask<R> {
  protected:
   JointTask(const R& robot, const std::string& name, const std::vector<std::string>& joints,
             bool one_row, Scalar gain)
-      : ReactiveTask<R>(robot, name, one_row ? 1 : count(robot, name, joints), gain),
+      : ReactiveTask<R>(robot, name, count(robot, name, joints, one_row), gain),
         joints_(joint_indices(robot, joints)) {
     for (const Index i : joints_) columns_.push_back(info(i).column);
   }
@@ -86,10 +93,10 @@ class JointTask : public ReactiveTask<R> {
   }
   // Before there is a task, so that the message has its name.
   static Index count(const R& robot, const std::string& name,
-                     const std::vector<std::string>& joints) {
-    const Index n = static_cast<Index>(joint_indices(robot, joints).size());
-    if (n == 0) invalid("task '", name, "': the robot has no joints");
-    return n;
+                     const std::vector<std::string>& joints, bool one) {
+    const auto indices = joint_indices(robot, joints, "task '" + name + "'");
+    if (indices.empty()) invalid("task '", name, "': the robot has no joints");
+    return one ? 1 : static_cast<Index>(indices.size());
   }
 
   std::vector<Index> joints_, columns_;
@@ -131,6 +138,10 @@ class JointLimits : public detail::JointTask<R> {
     for (Index k = 0; k < this->joint_count(); ++k) {
       const auto& joint = this->joint(k);
       Scalar margin = options.margin[k];
+      if (!std::isfinite(margin)) {
+        detail::invalid("task '", this->name(), "': the margin of joint '", joint.name,
+                        "' must be finite, got ", margin);
+      }
       const Scalar quarter = (joint.upper - joint.lower) / Scalar(4);
       if (options.margin.for_all()) {
         margin = std::min(margin, quarter);
@@ -141,6 +152,13 @@ class JointLimits : public detail::JointTask<R> {
       objectives_.push_back(Objective<Scalar>::between(joint.lower, joint.upper, margin));
       this->jacobian_(k, this->column(k)) = Scalar(1);
     }
+  }
+
+  /// Another rate for all joints, rad/s or m/s; refused unless > 0.
+  Status set_max_rate(Scalar rate) noexcept {
+    if (!(rate > Scalar(0))) return Status::out_of_range;
+    max_rate_.set_all(rate);
+    return Status::ok;
   }
 
  private:
@@ -190,8 +208,7 @@ class JointPosition : public detail::JointTask<R> {
         max_rate_(options.max_rate),
         goal_(goal),
         velocity_(detail::zeros<Positions>(this->joint_count())),
-        error_(velocity_),
-        slope_(velocity_) {
+        error_(velocity_) {
     this->check("max_rate", options.max_rate);
     if (goal.size() != this->joint_count()) {
       detail::invalid("task '", this->name(), "': a goal of ", goal.size(), " numbers for ",
@@ -228,6 +245,12 @@ class JointPosition : public detail::JointTask<R> {
     norm_ = norm;
     return Status::ok;
   }
+  /// Another rate for all joints, rad/s or m/s; refused unless > 0.
+  Status set_max_rate(Scalar rate) noexcept {
+    if (!(rate > Scalar(0))) return Status::out_of_range;
+    max_rate_.set_all(rate);
+    return Status::ok;
+  }
 
  private:
   template <class Q>
@@ -242,18 +265,15 @@ class JointPosition : public detail::JointTask<R> {
 
   void compute() noexcept override {
     constexpr Scalar turn = Scalar(2) * std::numbers::pi_v<Scalar>;
-    Scalar square(0), slowest(infinity<Scalar>), scale(1);
+    Scalar square(0), slowest(infinity<Scalar>), scale(1), fade(1);
     for (Index k = 0; k < this->joint_count(); ++k) {
-      Scalar e = goal_(k) - this->position(k), slope(1);
+      Scalar e = goal_(k) - this->position(k);
       if (this->joint(k).continuous) {
         e = std::remainder(e, turn);
-        const Scalar size = std::abs(e), weight = half_turn_weight(size);
-        const Scalar fade = Scalar(half_turn_fade);
-        slope = weight - size * smooth_step_derivative((turn / Scalar(2) - size) / fade) / fade;
-        e *= weight;
+        // The norm itself must not fade: half a turn away would look like the goal.
+        (norm_ ? fade : e) *= half_turn_weight(std::abs(e));
       }
       error_(k) = e;
-      slope_(k) = slope;
       square += e * e;
       const Scalar limit = max_rate_[k], rate = this->gain() * std::abs(e);
       slowest = std::min(slowest, limit);
@@ -269,17 +289,17 @@ class JointPosition : public detail::JointTask<R> {
     Scalar forward(0);
     for (Index k = 0; k < this->joint_count(); ++k) {
       // At distance 0 the mean of both sides of the kink.
-      const Scalar d = distance > Scalar(0) ? -slope_(k) * error_(k) / distance : Scalar(0);
+      const Scalar d = distance > Scalar(0) ? -error_(k) / distance : Scalar(0);
       this->jacobian_(0, this->column(k)) = d;
       forward += d * velocity_(k);
     }
-    this->set_scalar(0, distance, *norm_, slowest);
+    this->set_scalar(0, distance, *norm_, slowest, fade);
     this->reference_(0) += forward;
   }
 
   std::optional<Objective<Scalar>> norm_;
   PerJoint<Scalar> max_rate_;
-  Positions goal_, velocity_, error_, slope_;  // slope: −∂e/∂q
+  Positions goal_, velocity_, error_;
 };
 
 }  // namespace task

@@ -180,7 +180,7 @@ class Manipulability : public ScalarTask<R> {
                                    const std::vector<std::string>& names, const std::string& task) {
     std::vector<Index> columns;
     const auto& J = robot.jacobian(frame);
-    for (const Index c : joint_columns(robot, names)) {
+    for (const Index c : joint_columns(robot, names, "task '" + task + "'")) {
       bool moves = false;
       for (Index i = 0; i < 6; ++i) moves = moves || J(i, c) != Scalar(0);
       if (moves) columns.push_back(c);
