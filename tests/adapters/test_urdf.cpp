@@ -64,29 +64,29 @@ TEST(Urdf, JointsLimitsAndMasses) {
       joint("slide", "prismatic", "a", "c", range) +
       joint("wheel", "continuous", "a", "d",
             "<axis xyz='0 1 0'/><limit velocity='3' effort='1'/>") +
-      joint("open", "revolute", "d", "e", "<limit lower='0' upper='0' velocity='0' effort='0'/>") +
+      joint("open", "revolute", "c", "e", "<limit lower='0' upper='0' velocity='0' effort='0'/>") +
       "</robot>");
   ASSERT_EQ(tree.joints().size(), 4u);
   EXPECT_EQ(tree.dof(), 4);
   EXPECT_EQ(tree.frame_count(), 6);
   EXPECT_EQ(tree.base_columns().count, 0);
   // Depth first, by the names of the joints.
-  const char* const names[] = {"slide", "turn", "wheel", "open"};
+  const char* const names[] = {"slide", "open", "turn", "wheel"};
   for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(tree.joints()[i].name, names[i]);
-  for (const std::size_t i : {0u, 1u}) {
+  for (const std::size_t i : {0u, 2u}) {
     EXPECT_EQ(tree.joints()[i].lower, -1);
     EXPECT_EQ(tree.joints()[i].upper, 2);
     EXPECT_EQ(tree.joints()[i].max_velocity, 0.5);
   }
-  EXPECT_TRUE(tree.joints()[2].continuous);
-  EXPECT_EQ(tree.joints()[2].max_velocity, 3);
+  EXPECT_TRUE(tree.joints()[3].continuous);
+  EXPECT_EQ(tree.joints()[3].max_velocity, 3);
   // [0, 0] and 0 are what a file says that states nothing.
-  EXPECT_FALSE(tree.joints()[3].continuous);
-  EXPECT_EQ(tree.joints()[3].upper, icat::infinity<double>);
-  EXPECT_EQ(tree.joints()[3].max_velocity, icat::infinity<double>);
+  EXPECT_FALSE(tree.joints()[1].continuous);
+  EXPECT_EQ(tree.joints()[1].upper, icat::infinity<double>);
+  EXPECT_EQ(tree.joints()[1].max_velocity, icat::infinity<double>);
   EXPECT_EQ(tree.mass(), 2);
   EXPECT_LT((tree.center_of_mass() - Eigen::Vector3d(0.1, 0.2, 1.3)).norm(), 1e-15);
-  EXPECT_NEAR(tree.jacobian(tree.frame("b"))(5, 1), 1, 1e-15);  // the axis has length 1 now
+  EXPECT_NEAR(tree.jacobian(tree.frame("b"))(5, 2), 1, 1e-15);  // the axis has length 1 now
 }
 
 TEST(Urdf, FloatAndBase) {
