@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// The arm law parametrized by the vehicle velocity, [Coop, Eq. (24), (25)].
+/// The law of the chosen columns in the velocity of the given ones: in the papers, of the arm in
+/// the vehicle's, [Coop, Eq. (24), (25)].
 ///
 ///     q̇ = ρ̃ + P v
 ///     ρ̃_k = ρ̃_{k−1} + Q_{k−1} X_k^{#,A_k,I} W_k (ẋ̄_k − J_kᵃ ρ̃_{k−1})
 ///     P_k = P_{k−1} − Q_{k−1} X_k^{#,A_k,I} W_k (J_kᵃ P_{k−1} + J_kᵛ)
-///     ρ̃₀ = 0, P₀ = 0, Q₀ = I over the arm's columns, X_k = J_kᵃ Q_{k−1}
+///     ρ̃₀ = 0, P₀ = 0, Q₀ = I over the chosen columns, X_k = J_kᵃ Q_{k−1}
 ///
-/// Evaluated on the latest measured v, it is optimal for that v, so the arm loop may run faster
-/// than the solver. It equals [MARIS]'s TPIK 2 (`Tpik` with all vehicle components given).
+/// Evaluated on the latest measured v, it is optimal for that v, so their loop may run faster
+/// than the solver. It equals [MARIS]'s TPIK 2 (`Tpik` with all the vehicle's components given).
 ///
 /// **Erratum** [Coop, Eq. (25)]: as printed, `P_k = (I − Q X^# W) Jᵃ − Q X^# W Jᵛ` has dimensions
 /// that do not fit; the form above follows from ρ_k = ρ̃_k + P_k v in Eq. (22).
@@ -19,8 +20,8 @@
 
 namespace icat {
 
-/// `N` arm joints, `Parameters` given velocities (6 for a vehicle). Velocity bounds are no part of
-/// it: the saturation depends on v, so the law would not be affine. Saturate what it yields
+/// `N` chosen columns, `Parameters` given velocities (6 for a vehicle). Velocity bounds are no part
+/// of it: the saturation depends on v, so the law would not be affine. Saturate what it yields
 /// (`VelocityBounds`), or use `Tpik::reset(rho0, Q0)`.
 template <std::floating_point Scalar, int N = Eigen::Dynamic, int Parameters = 6,
           RegularizationPolicy<Scalar> Regularization = BellRegularization<Scalar>>
@@ -47,14 +48,14 @@ class ParametricTpik {
   explicit ParametricTpik(const Options& options) requires(N != Eigen::Dynamic)
       : ParametricTpik(N, options, 0) {}
   /// Dynamic size, default options. Throws as above. Allocates.
-  explicit ParametricTpik(Index arm_dof) requires(N == Eigen::Dynamic)
-      : ParametricTpik(arm_dof, Options{}, 0) {}
+  explicit ParametricTpik(Index dof) requires(N == Eigen::Dynamic)
+      : ParametricTpik(dof, Options{}, 0) {}
   /// Dynamic size. Throws as above. Allocates.
-  ParametricTpik(Index arm_dof, const Options& options) requires(N == Eigen::Dynamic)
-      : ParametricTpik(arm_dof, options, 0) {}
+  ParametricTpik(Index dof, const Options& options) requires(N == Eigen::Dynamic)
+      : ParametricTpik(dof, options, 0) {}
 
-  /// Number of joints.
-  Index arm_dof() const noexcept { return law_.rows(); }
+  /// Number of chosen columns.
+  Index dof() const noexcept { return law_.rows(); }
 
   /// ρ̃ = 0, P = 0, Q = I. No allocation.
   void reset() noexcept {
@@ -74,10 +75,10 @@ class ParametricTpik {
     return add(detail::level_input<Scalar>(j, a, r));
   }
 
-  /// The closing level, which minimizes the arm's motion; call it last, always.
+  /// The closing level, which minimizes their motion; call it last, always.
   Status minimize_velocity() noexcept {
     LevelReport<Scalar> level;
-    level.rows = level.active_rows = arm_dof();
+    level.rows = level.active_rows = dof();
     if (!iteration_.close(law_)) {
       level.status = Status::numerical_failure;
     } else {
@@ -93,14 +94,14 @@ class ParametricTpik {
   auto P() const noexcept { return law_.template rightCols<Parameters>(); }
   /// q̇ = ρ̃ + P v. `v` in the frame of the Jacobian's last columns (⟨v⟩ for a vehicle).
   VectorN evaluate(const Vector<Scalar, Parameters>& v) const noexcept {
-    VectorN velocity(arm_dof());
-    std::copy_n(law_.data(), arm_dof(), velocity.data());
+    VectorN velocity(dof());
+    std::copy_n(law_.data(), dof(), velocity.data());
     for (Index c = 1; c < columns; ++c) {
-      for (Index i = 0; i < arm_dof(); ++i) velocity(i) += law_(i, c) * v(c - 1);
+      for (Index i = 0; i < dof(); ++i) velocity(i) += law_(i, c) * v(c - 1);
     }
     return velocity;
   }
-  /// Q over the arm's columns, N × N. Formed when asked for.
+  /// Q over the chosen columns, N × N. Formed when asked for.
   const SquareN& projector() const noexcept { return iteration_.projector(); }
   /// Since the last reset.
   const TpikReport<Scalar>& report() const noexcept { return report_; }
@@ -109,22 +110,22 @@ class ParametricTpik {
   static constexpr int columns = 1 + Parameters;
   using Law = Eigen::Matrix<Scalar, N, columns>;  // [ρ̃ P]
 
-  [[gnu::cold]] ParametricTpik(Index arm_dof, const Options& options, int)
-      : iteration_(validated(options, arm_dof), options.regularization, options.projection_weight),
-        law_(detail::zeros<Law>(arm_dof, columns)),
+  [[gnu::cold]] ParametricTpik(Index dof, const Options& options, int)
+      : iteration_(validated(options, dof), options.regularization, options.projection_weight),
+        law_(detail::zeros<Law>(dof, columns)),
         next_law_(law_) {}
 
-  static Index validated(const Options& options, Index arm_dof) {
-    if (arm_dof < 1) detail::invalid("ParametricTpik: arm_dof must be >= 1, got ", arm_dof);
+  static Index validated(const Options& options, Index dof) {
+    if (dof < 1) detail::invalid("ParametricTpik: dof must be >= 1, got ", dof);
     if constexpr (requires { options.regularization.validate(); }) {
       options.regularization.validate();
     }
     detail::require_positive("ParametricTpik", "projection_weight", options.projection_weight);
-    return arm_dof;
+    return dof;
   }
 
   Status add(const detail::LevelInput<Scalar>& input) noexcept {
-    const Index l = arm_dof();
+    const Index l = dof();
     LevelReport<Scalar> level = detail::check_level(input, l + Parameters);
     if (level.status == Status::ok && level.active_rows > 0) {
       iteration_.begin(level.active_rows);
@@ -150,7 +151,7 @@ class ParametricTpik {
   bool advance(LevelReport<Scalar>& level) noexcept {
     const auto& increment = iteration_.increment;
     for (Index c = 0; c < columns; ++c) {
-      for (Index i = 0; i < arm_dof(); ++i) next_law_(i, c) = law_(i, c) + increment(i, c);
+      for (Index i = 0; i < dof(); ++i) next_law_(i, c) = law_(i, c) + increment(i, c);
     }
     if (!detail::all_finite(law_.size(), next_law_.data())) {
       level.status = Status::numerical_failure;
