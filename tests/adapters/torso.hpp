@@ -12,6 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "support/allocation_counter.hpp"
+
 namespace torso {
 
 inline const char* const urdf = R"(<?xml version="1.0"?>
@@ -161,6 +163,62 @@ void expect_same_joints(const Tree& tree, const R& robot) {
     EXPECT_EQ(mine.max_velocity, other.max_velocity);
     EXPECT_EQ(mine.max_acceleration, other.max_acceleration);
     EXPECT_EQ(mine.continuous, other.continuous);
+  }
+}
+
+/// What is no state is refused and changes nothing; what is one allocates nothing. The base is
+/// free.
+template <class R>
+void expect_refusals_and_no_allocation(R& robot) {
+  using icat::Status;
+  const auto s = states(robot, 2, 3);
+  ASSERT_EQ(robot.update(s[0].q, s[0].base), Status::ok);
+  const icat::FrameId tip = robot.frame("left_tip");
+  const Eigen::Matrix4d before = robot.pose(tip).matrix();
+  Eigen::VectorXd bad = s[1].q;
+  for (const double number : {std::nan(""), icat::infinity<double>}) {
+    bad(2) = number;
+    EXPECT_EQ(robot.update(bad), Status::non_finite);
+    EXPECT_EQ(robot.update(bad, s[1].base), Status::non_finite);
+  }
+  EXPECT_EQ(robot.update(Eigen::VectorXd::Zero(3)), Status::wrong_size);
+  icat::Pose<double> pose = s[1].base;
+  pose.matrix()(0, 3) = std::nan("");
+  EXPECT_EQ(robot.update(s[1].q, pose), Status::non_finite);
+  pose.matrix() *= 2;
+  pose.matrix()(0, 3) = 0;
+  EXPECT_EQ(robot.update(s[1].q, pose), Status::not_a_rotation);
+  EXPECT_EQ(robot.pose(tip).matrix(), before);
+  EXPECT_EQ(count_allocations([&] {
+              ASSERT_EQ(robot.update(s[1].q, s[1].base), Status::ok);
+              for (icat::Index i = 0; i < robot.frame_count(); ++i) {
+                ASSERT_EQ(robot.jacobian(icat::FrameId(i)).cols(), robot.dof());
+                ASSERT_EQ(robot.pose(icat::FrameId(i)).matrix()(3, 3), 1);
+              }
+              ASSERT_EQ(robot.center_of_mass_jacobian().cols(), robot.dof());
+            }),
+            0);
+}
+
+/// Jacobians are central differences. `step(j, h)` moves the robot as its library moves it when ẏ_j
+/// is 1 for h seconds, always from the state that the robot is in now.
+template <class R, class Step>
+void expect_derivatives(R& robot, icat::FrameId frame, Step&& step) {
+  const Eigen::MatrixXd J = robot.jacobian(frame), center = robot.center_of_mass_jacobian();
+  const double h = 1e-6;
+  for (icat::Index j = 0; j < robot.dof(); ++j) {
+    icat::Pose<double> poses[2];
+    Eigen::Vector3d centers[2];
+    for (const int side : {0, 1}) {
+      step(j, side ? h : -h);
+      poses[side] = robot.pose(frame);
+      centers[side] = robot.center_of_mass();
+    }
+    icat::Vector6<double> numeric;
+    numeric << (poses[1].translation() - poses[0].translation()) / (2 * h),
+        icat::rotation_log<double>(poses[1].linear() * poses[0].linear().transpose()) / (2 * h);
+    EXPECT_LT((numeric - J.col(j)).norm(), 1e-8) << j;
+    EXPECT_LT(((centers[1] - centers[0]) / (2 * h) - center.col(j)).norm(), 1e-8) << j;
   }
 }
 

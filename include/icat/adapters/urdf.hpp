@@ -199,6 +199,13 @@ class UrdfReader {
     }
   }
 
+  [[noreturn]] void refuse(const urdf::Joint& joint, const char* type, const char* base,
+                           const char* otherwise) const {
+    invalid(owner_, ": joint '", joint.name, "' is ", type,
+            ": if it carries the robot, take the joint and its parent '", joint.parent_link_name,
+            "' out of the file and say UrdfOptions{.base = Base::", base, "}; otherwise ",
+            otherwise);
+  }
   JointType type(const urdf::Joint& joint) const {
     switch (joint.type) {
       case urdf::Joint::FIXED:
@@ -210,17 +217,9 @@ class UrdfReader {
       case urdf::Joint::PRISMATIC:
         return JointType::prismatic;
       case urdf::Joint::FLOATING:
-        invalid(owner_, ": joint '", joint.name,
-                "' is floating: if it carries the robot, take the joint and its parent '",
-                joint.parent_link_name,
-                "' out of the file and say UrdfOptions{.base = Base::free()}; otherwise make it "
-                "fixed");
+        refuse(joint, "floating", "free()", "make it fixed");
       case urdf::Joint::PLANAR:
-        invalid(owner_, ": joint '", joint.name,
-                "' is planar: if it carries the robot, take the joint and its parent '",
-                joint.parent_link_name,
-                "' out of the file and say UrdfOptions{.base = Base::surface()}; otherwise write "
-                "it as two prismatic joints and a revolute one");
+        refuse(joint, "planar", "surface()", "write it as two prismatic joints and a revolute one");
       default:
         invalid(owner_, ": joint '", joint.name, "' is of a type that is none of URDF's");
     }
