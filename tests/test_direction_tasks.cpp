@@ -344,6 +344,16 @@ TEST(Directions, TargetsCanBeSetOrAreRefused) {
   ASSERT_EQ(balance.set_goal(robot.center_of_mass() + Vector3<double>(3, 0, 4)), Status::ok);
   balance.update();
   EXPECT_LT((balance.reference() - Vector3<double>(0.3, 0, 0.4)).norm(), 1e-12);
+  ASSERT_EQ(balance.set_max_rate(1), Status::ok);
+  EXPECT_EQ(balance.set_max_rate(0), Status::out_of_range);
+  EXPECT_EQ(balance.set_max_rate(nan), Status::out_of_range);
+  balance.update();
+  EXPECT_LT((balance.reference() - Vector3<double>(0.6, 0, 0.8)).norm(), 1e-12);
+  // An axis that does not count slows nothing down.
+  task::CenterOfMass<Torso> across(robot, robot.center_of_mass() + Vector3<double>(3, 0, 4),
+                                   {.axes = {true, true, false}, .max_rate = 0.5});
+  across.update();
+  EXPECT_LT((across.reference() - Eigen::Vector2d(0.5, 0)).norm(), 1e-12);
 }
 
 // From everywhere the direction turns towards its goal, also from just before half a turn.
