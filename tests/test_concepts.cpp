@@ -71,7 +71,7 @@ struct NoSize {
 };
 static_assert(!icat::Robot<NoSize>);
 struct SizeAtRunTime : B {
-  static const int size;
+  int size;
 };
 static_assert(!icat::Robot<SizeAtRunTime>);
 struct NoDof : B {

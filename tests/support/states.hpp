@@ -55,8 +55,10 @@ std::vector<State<Scalar>> random_states(int count, unsigned seed) {
       const Scalar half = (joint.upper - joint.lower) / 2;
       s.q(j) = middle + half * Scalar(u(rng));
     }
-    s.vehicle = make_pose<Scalar>(2 * u(rng), 2 * u(rng), 2 * u(rng), 3.1 * u(rng), 1.5 * u(rng),
-                                  3.1 * u(rng));
+    // One by one: the order of arguments is the compiler's.
+    double p[6];
+    for (double& x : p) x = u(rng);
+    s.vehicle = make_pose<Scalar>(2 * p[0], 2 * p[1], 2 * p[2], 3.1 * p[3], 1.5 * p[4], 3.1 * p[5]);
     states.push_back(s);
   }
   return states;

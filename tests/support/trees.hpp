@@ -182,8 +182,10 @@ std::vector<TreeState> random_tree_states(const Tree& tree, int count, unsigned 
       const double upper = std::min(3.0, static_cast<double>(joint.upper));
       s.q(j) = (lower + upper) / 2 + (upper - lower) / 2 * u(rng);
     }
-    s.base = make_pose<double>(2 * u(rng), 2 * u(rng), 2 * u(rng), 3.1 * u(rng), 1.5 * u(rng),
-                               3.1 * u(rng));
+    // One by one: the order of arguments is the compiler's.
+    double p[6];
+    for (double& x : p) x = u(rng);
+    s.base = make_pose<double>(2 * p[0], 2 * p[1], 2 * p[2], 3.1 * p[3], 1.5 * p[4], 3.1 * p[5]);
     states.push_back(s);
   }
   return states;
