@@ -72,6 +72,7 @@ template <class R>
 concept Robot = requires(const R& robot) {
   typename R::Scalar;
   requires std::floating_point<typename R::Scalar>;
+  requires(!std::is_member_pointer_v<decltype(&R::size)>);  // static: GCC 12 stops on another
   typename std::integral_constant<int, R::size>;
   { robot.dof() } -> std::convertible_to<Index>;
 };
