@@ -57,7 +57,7 @@ using C = archetypes::Massive<double, 3>;
 static_assert(!icat::Robot<int>);
 static_assert(!icat::Robot<icat::SerialArm<double, 7>>);
 struct NoScalar {
-  static constexpr int size = 3;
+  enum : int { size = 3 };
   int dof() const;
 };
 static_assert(!icat::Robot<NoScalar>);
@@ -71,7 +71,7 @@ struct NoSize {
 };
 static_assert(!icat::Robot<NoSize>);
 struct SizeAtRunTime : B {
-  int size;
+  inline static int size = 3;
 };
 static_assert(!icat::Robot<SizeAtRunTime>);
 struct NoDof : B {
