@@ -75,6 +75,7 @@ template <class S, int N>
 struct Massive : Bare<S, N> {
   using CenterJacobian = Eigen::Matrix<S, 3, N>;
   CenterJacobian J = CenterJacobian::Identity(3, 3);
+  S mass() const { return S(1); }
   icat::Vector3<S> center_of_mass() const { return {this->x[0], this->x[1], this->x[2]}; }
   Returned<CenterJacobian> center_of_mass_jacobian() const { return J; }
 };

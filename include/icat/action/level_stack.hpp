@@ -68,11 +68,13 @@ class LevelStack {
     return status;
   }
   /// Moves to `action` over `duration` seconds, from the activations as they are now (all 0 before
-  /// the first action); also in the middle of another transition, also back. A refusal changes
+  /// the first action); also in the middle of another transition, also back. To the action that
+  /// runs or is being entered: nothing changes, so it may be said in every cycle. A refusal changes
   /// nothing.
   Status switch_to(std::string_view action, double time, double duration) noexcept {
     const std::size_t index = find(action);
     if (index == names_.size()) return Status::unknown_action;
+    if (index == action_) return transition_.check(time, duration);
     set_targets(index);
     const Status status = transition_.start(targets_, time, duration);
     if (status == Status::ok) action_ = index;

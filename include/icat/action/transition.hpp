@@ -41,8 +41,8 @@ class Transition {
   /// From the present values to `targets` (in [0, 1]) over `duration` seconds from `now` on.
   Status start(std::span<const double> targets, double now, double duration) noexcept {
     if (const Status status = check(targets); status != Status::ok) return status;
-    if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
-    if (const Status status = update(now); status != Status::ok) return status;
+    if (const Status status = check(now, duration); status != Status::ok) return status;
+    (void)update(now);
     for (std::size_t i = 0; i < count(); ++i) {
       start_[i] = value_[i];
       target_[i] = targets[i];
@@ -50,6 +50,13 @@ class Transition {
     begin_ = now;
     duration_ = duration;
     return Status::ok;
+  }
+
+  /// What `start` would say of a time and a duration.
+  Status check(double now, double duration) const noexcept {
+    if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
+    if (!std::isfinite(now)) return Status::non_finite;
+    return now < now_ ? Status::time_reversed : Status::ok;
   }
 
   /// Values at time `now`, which may stand still but not run backwards.

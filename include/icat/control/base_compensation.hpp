@@ -143,6 +143,9 @@ class BaseCompensation {
   static Index joints(const R& robot) {
     const Index n = robot.dof() - robot.base_columns().count;
     if (n < 1) detail::invalid("BaseCompensation: the robot has no joints");
+    if (robot.base_columns().count > 6) {
+      detail::invalid("BaseCompensation: a base of ", robot.base_columns().count, " columns");
+    }
     return n;
   }
 

@@ -51,12 +51,16 @@ class Controller {
   Status switch_to(std::string_view action, double time, double duration) noexcept {
     return stack_.switch_to(action, time, duration);
   }
-  /// From now on column `column` is given, or no more.
+  /// From now on column `column` is given, or no more. The velocity changes at once, as the robot
+  /// did.
   Status set_given(Index column, bool given) noexcept {
     if (column < 0 || column >= velocity_.size()) return Status::unknown_joint;
     tpik_.set_given(column, given);
     return Status::ok;
   }
+  /// The column comes first.
+  template <std::same_as<bool> B>
+  Status set_given(B, bool) = delete;
   /// The same for the joint of this name, such as one whose motor died.
   Status set_given(std::string_view joint, bool given) noexcept requires JointedRobot<R> {
     for (const auto& info : stack_.robot().joints()) {

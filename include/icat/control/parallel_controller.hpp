@@ -54,6 +54,9 @@ class ParallelController {
     if (status == Status::ok) second_.set_given(column, given);
     return status;
   }
+  /// The column comes first.
+  template <std::same_as<bool> B>
+  Status set_given(B, bool) = delete;
   /// As `Controller::set_given`.
   Status set_given(std::string_view joint, bool given) noexcept requires JointedRobot<R> {
     for (const auto& info : first_.robot().joints()) {

@@ -101,6 +101,8 @@ class Agent {
             robot.dof(), {options.controller.solver.regularization,
                           options.controller.solver.projection_weight})) {
     if constexpr (MobileRobot<R>) {
+      no_velocity_ =
+          detail::zeros<Vector<Scalar, Eigen::Dynamic>>(robot.dof() - robot.base_columns().count);
       if (options.compensation) {
         compensation_.emplace(robot, options.controller.solver, options.controller.given,
                               second_.levels());
@@ -168,7 +170,7 @@ class Agent {
   Status step(double time, const Velocity& measured,
               const Vector6<Scalar>& correction = detail::zeros<Vector6<Scalar>>(6)) noexcept {
     if (measured.size() != robot_.dof()) return Status::wrong_size;
-    if (!std::isfinite(time)) return Status::non_finite;
+    if (!std::isfinite(time) || !detail::all_finite(correction)) return Status::non_finite;
     if (time < last_time_) return Status::time_reversed;
     const bool first = !std::isfinite(last_time_);
     (void)filter_.update(agreement_.update(time),
@@ -201,11 +203,11 @@ class Agent {
     const Status status = update_second(time);
     return status == Status::ok ? compensation_->solve_law(second_.levels()) : status;
   }
-  /// See `BaseCompensation::joint_velocity`; only with compensation.
+  /// See `BaseCompensation::joint_velocity`; zeros without compensation.
   template <class V>
-  const auto& joint_velocity(const Eigen::MatrixBase<V>& measured) noexcept requires
-      MobileRobot<R> {
-    return compensation_->joint_velocity(measured);
+  const Vector<Scalar, Eigen::Dynamic>& joint_velocity(
+      const Eigen::MatrixBase<V>& measured) noexcept requires MobileRobot<R> {
+    return compensation_ ? compensation_->joint_velocity(measured) : no_velocity_;
   }
 
   /// ẏ; given columns hold what was measured.
@@ -238,7 +240,7 @@ class Agent {
   const AgentController& second() const noexcept { return second_; }
 
  private:
-  // The whole system as "arm", the tool's reference as the six parameters.
+  // All columns as chosen ones, the tool's reference as the six parameters.
   using Sensitivity = ParametricTpik<Scalar, R::size, 6, Regularization>;
   using Compensation = typename detail::CompensationOf<R, Regularization>::type;
 
@@ -299,6 +301,10 @@ class Agent {
       if (!found) {
         detail::invalid("Agent: action '", s.action, "' does not contain task '",
                         s.tool.get().name(), "' or is shared twice");
+      }
+      if (!s.tool.get().on_world()) {
+        detail::invalid("Agent: the shared task '", s.tool.get().name(),
+                        "' must have its goal and its axes on the world");
       }
       if (s.tool.get().rows() != 6) {
         detail::invalid("Agent: the shared task '", s.tool.get().name(),
@@ -394,6 +400,7 @@ class Agent {
   LowPass<Scalar, 6> filter_;
   AgentController own_, second_;
   std::optional<Compensation> compensation_;
+  Vector<Scalar, Eigen::Dynamic> no_velocity_;
   Velocity measured_, velocity_, command_;
   Sensitivity sensitivity_;
   std::vector<ToolEntry> tools_;

@@ -21,8 +21,13 @@ class Base {
   /// Bolted down: k = 0.
   Base() : motion_(6, 0) {}
   /// Any B.
-  /// @throws std::invalid_argument on numbers that are not finite, or a column of zeros.
-  explicit Base(const Motion& motion) : motion_(motion) {
+  /// @throws std::invalid_argument on another size, numbers that are not finite, or a column of
+  ///         zeros.
+  template <class M>
+  explicit Base(const Eigen::MatrixBase<M>& motion) : motion_(6, checked(motion)) {
+    for (Index j = 0; j < motion_.cols(); ++j) {
+      for (Index i = 0; i < 6; ++i) motion_(i, j) = motion.derived().coeff(i, j);
+    }
     if (!detail::all_finite(motion_)) detail::invalid("Base: the motion is not finite");
     for (Index j = 0; j < motion_.cols(); ++j) {
       Scalar sum(0);
@@ -46,6 +51,14 @@ class Base {
   Index columns() const noexcept { return motion_.cols(); }
 
  private:
+  template <class M>
+  static Index checked(const Eigen::MatrixBase<M>& motion) {
+    if (motion.rows() != 6 || motion.cols() > 6) {
+      detail::invalid("Base: the motion must be 6 x k, k <= 6, got ", motion.rows(), " x ",
+                      motion.cols());
+    }
+    return motion.cols();
+  }
   static Base unit(std::initializer_list<Index> axes) {
     Base base;
     base.motion_ = detail::zeros<Motion>(6, static_cast<Index>(axes.size()));

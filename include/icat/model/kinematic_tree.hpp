@@ -100,13 +100,15 @@ class KinematicTree {
     }
     const Index body = at(parent).body;
     Pose<Scalar> in_body = detail::compose(at(parent).pose, pose);
-    frames_.push_back({std::move(name), body, in_body, detail::zeros<Jacobian>(6, dof_), 0});
+    frames_.push_back({std::move(name), body, in_body, true, detail::zeros<Jacobian>(6, dof_), 0});
     return FrameId(frame_count() - 1);
   }
   /// Moves a frame to the pose `pose` in the frame `parent`, on whose link it sits from now on: a
-  /// tool that became another, or the frame of an object that was just grasped. A pose that is not
-  /// finite or no rotation is refused. No allocation.
+  /// tool that became another, or the frame of an object that was just grasped. Only frames that
+  /// were added and links on fixed joints can be moved; a pose that is not finite or no rotation is
+  /// refused. No allocation.
   Status set_frame(FrameId frame, FrameId parent, const Pose<Scalar>& pose) noexcept {
+    if (!at(frame).fixed) return Status::out_of_range;
     if (!detail::all_finite(pose.matrix())) return Status::non_finite;
     if (!is_rigid(pose)) return Status::not_a_rotation;
     const Pose<Scalar> in_body = detail::compose(at(parent).pose, pose);
@@ -139,6 +141,14 @@ class KinematicTree {
   const std::vector<JointInfo<Scalar>>& joints() const noexcept { return joints_; }
   /// Of joint `i` of `joints`, rad or m.
   Scalar position(Index i) const noexcept { return q_(i); }
+  /// Whether a mimic is among the joints that move the frame: then columns do not have the order
+  /// of the joints.
+  bool moved_by_mimic(FrameId frame) const noexcept {
+    for (Index i = at(frame).body; i > 0; i = body(i).parent) {
+      if (body(i).mimics) return true;
+    }
+    return false;
+  }
   /// Positions of all of `joints`, rad or m.
   const Positions& q() const noexcept { return q_; }
   /// Unit vector along the axis of joint `i`, on ⟨0⟩.
@@ -165,13 +175,20 @@ class KinematicTree {
   Status update(const Eigen::MatrixBase<Q>& q) noexcept {
     return update(q, bodies_[0].pose);
   }
-  /// New positions and pose of the base in ⟨0⟩; a pose that is no rotation is refused too.
+  /// New positions and pose of the base in ⟨0⟩; a pose that is no rotation is refused too, and so
+  /// are positions beyond 1e9.
   template <class Q>
   Status update(const Eigen::MatrixBase<Q>& q, const Pose<Scalar>& base) noexcept {
     if (q.size() != joint_count()) return Status::wrong_size;
-    Scalar sum(0);
-    for (Index i = 0; i < joint_count(); ++i) sum += Scalar(0) * q(i);
+    Scalar sum(0), largest(0);
+    for (Index i = 0; i < joint_count(); ++i) {
+      sum += Scalar(0) * q(i);
+      largest = std::max(largest, std::abs(q(i)));
+    }
+    for (Index i = 0; i < 3; ++i) largest = std::max(largest, std::abs(base.matrix()(i, 3)));
     if (!(sum == Scalar(0)) || !detail::all_finite(base.matrix())) return Status::non_finite;
+    // Their products must not overflow, not even in float.
+    if (largest > Scalar(1e9)) return Status::out_of_range;
     if (!is_rigid(base)) return Status::not_a_rotation;
     for (Index i = 0; i < joint_count(); ++i) q_(i) = q(i);
     bodies_[0].pose = base;
@@ -202,6 +219,7 @@ class KinematicTree {
     Pose<Scalar> origin = IdentityPose{};  // of the joint's frame in the parent body
     Vector3<Scalar> local_axis{Scalar(0), Scalar(0), Scalar(1)};  // on the joint's frame
     Index column{-1};                                             // −1: the root
+    bool mimics{false};
     Scalar multiplier{1}, offset{0};
     Scalar mass{0};
     // mass × centre of mass, on the body
@@ -215,6 +233,7 @@ class KinematicTree {
     std::string name;
     Index body;
     Pose<Scalar> pose;  // in the body
+    bool fixed;         // to the body by a fixed joint, or added
     mutable Jacobian jacobian;
     mutable unsigned stamp{0};
   };
@@ -361,7 +380,13 @@ class KinematicTree {
       }
       root = joint.parent;
     }
-    if (root.empty()) detail::invalid("KinematicTree: no link is the root: the joints form a loop");
+    if (root.empty() && description.joints.empty()) {
+      detail::invalid("KinematicTree: there are no joints; name the root link by .root");
+    }
+    if (root.empty()) {
+      detail::invalid(
+          "KinematicTree: no link is the root: the joints form a loop, or a name is ''");
+    }
     if (std::find(links.begin(), links.end(), root) != links.end()) {
       detail::invalid("KinematicTree: the root '", root, "' is moved by a joint");
     }
@@ -370,7 +395,7 @@ class KinematicTree {
 
   [[gnu::cold]] void build(const Description& description) {
     bodies_.emplace_back();
-    frames_.push_back({find_root(description), 0, detail::identity_pose<Scalar>(), {}, 0});
+    frames_.push_back({find_root(description), 0, detail::identity_pose<Scalar>(), false, {}, 0});
     const auto& all = description.joints;
     std::vector<bool> placed(all.size(), false);
     std::vector<Index> moved(all.size(), -1);  // body of each joint
@@ -406,7 +431,7 @@ class KinematicTree {
     const Pose<Scalar> origin = detail::compose(parent.pose, joint.origin);
     if (joint.type == JointType::fixed) {
       const Index body = parent.body;
-      frames_.push_back({joint.link, body, detail::compose(origin, joint.link_pose), {}, 0});
+      frames_.push_back({joint.link, body, detail::compose(origin, joint.link_pose), true, {}, 0});
       return body;
     }
     Body b;
@@ -425,7 +450,7 @@ class KinematicTree {
       joint_body_.push_back(index);
     }
     bodies_.push_back(b);
-    frames_.push_back({joint.link, index, joint.link_pose, {}, 0});
+    frames_.push_back({joint.link, index, joint.link_pose, false, {}, 0});
     return index;
   }
 
@@ -444,12 +469,13 @@ class KinematicTree {
         while (next < all.size() && all[next].name != mimic.joint) ++next;
         if (next == all.size() || all[next].type == JointType::fixed || steps > all.size()) {
           detail::invalid("KinematicTree: joint '", all[i].name, "' follows '", mimic.joint,
-                          "', which does not move");
+                          mimic.joint == all[i].name ? "', itself" : "', which does not move");
         }
         leader = next;
       }
       Body& b = bodies_[static_cast<std::size_t>(moved[i])];
       b.column = body(moved[leader]).column;
+      b.mimics = true;
       b.multiplier = multiplier;
       b.offset = offset;
       if (!std::isfinite(multiplier) || !std::isfinite(offset)) {

@@ -107,9 +107,10 @@ concept MobileRobot = FramedRobot<R> && requires(const R& robot, Index i) {
   { robot.base_motion().cols() } -> std::convertible_to<Index>;
 };
 
-/// Masses: the centre of mass in ⟨0⟩ (m) and its Jacobian, 3 × n.
+/// Masses: their sum (kg), the centre of mass in ⟨0⟩ (m) and its Jacobian, 3 × n.
 template <class R>
 concept MassiveRobot = Robot<R> && requires(const R& robot) {
+  { robot.mass() } -> std::convertible_to<typename R::Scalar>;
   { robot.center_of_mass() } -> detail::Just<Vector3<typename R::Scalar>>;
   {
     robot.center_of_mass_jacobian()
@@ -188,8 +189,7 @@ template <JointedRobot R>
                   detail::listed(detail::joint_names(robot)));
 }
 
-/// The indices of the joints called `names`, of all where there are none; `owner` begins the error.
-/// For configuration.
+/// The indices of the joints called `names`; `owner` begins the error. For configuration.
 /// @throws std::invalid_argument on a name that stands twice, or that there is not, with those that
 ///         there are.
 template <JointedRobot R>
@@ -206,19 +206,21 @@ template <JointedRobot R>
     }
     indices.push_back(i);
   }
-  if (names.empty()) {
-    for (std::size_t i = 0; i < robot.joints().size(); ++i) {
-      indices.push_back(static_cast<Index>(i));
-    }
-  }
   return indices;
 }
 
-/// The columns of the joints called `names`, of all joints where there are none; `owner` begins the
-/// error. For configuration.
+/// The columns of all joints. For configuration.
+template <JointedRobot R>
+[[gnu::cold]] Columns joint_columns(const R& robot) {
+  std::vector<Index> columns;
+  for (const auto& joint : robot.joints()) columns.push_back(joint.column);
+  return Columns(std::move(columns));
+}
+/// The columns of the joints called `names`, none where there are none; `owner` begins the error.
+/// For configuration.
 /// @throws std::invalid_argument as `joint_indices`.
 template <JointedRobot R>
-[[gnu::cold]] Columns joint_columns(const R& robot, const std::vector<std::string>& names = {},
+[[gnu::cold]] Columns joint_columns(const R& robot, const std::vector<std::string>& names,
                                     std::string_view owner = "") {
   std::vector<Index> columns;
   for (const Index i : joint_indices(robot, names, owner)) {

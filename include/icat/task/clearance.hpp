@@ -279,6 +279,23 @@ class SelfClearance : public detail::ClearanceTask<R> {
         detail::invalid("task '", this->name(), "': bodies ", pair.first, " and ", pair.second,
                         " are on one frame, so they cannot move apart");
       }
+      const auto& J = robot.jacobian(this->body(pair.first).frame);
+      const auto& K = robot.jacobian(this->body(pair.second).frame);
+      bool apart = false;
+      for (Index j = 0; j < robot.dof(); ++j) {
+        const Vector3<Scalar> r =
+            detail::minus(detail::origin(Pose<Scalar>(robot.pose(this->body(pair.second).frame))),
+                          detail::origin(Pose<Scalar>(robot.pose(this->body(pair.first).frame))));
+        const Vector3<Scalar> carried =
+            detail::plus(detail::column3(J, 0, j), detail::cross(detail::column3(J, 3, j), r));
+        const Vector3<Scalar> v = detail::minus(detail::column3(K, 0, j), carried),
+                              w = detail::minus(detail::column3(K, 3, j), detail::column3(J, 3, j));
+        apart = apart || detail::norm(v) + detail::norm(w) > Scalar(1e-5);
+      }
+      if (!apart) {
+        detail::invalid("task '", this->name(), "': no joint lies between bodies ", pair.first,
+                        " and ", pair.second);
+      }
     }
   }
 

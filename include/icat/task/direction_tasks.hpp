@@ -131,6 +131,9 @@ class TargetTask : public DirectionTask<R> {
         point_(point),
         velocity_(zeros<Vector3<Scalar>>(3)) {
     this->require_finite("target", point);
+    if (target && *target == frame) {
+      invalid("task '", name, "': a frame has no direction to itself");
+    }
   }
   Status set(const Vector3<Scalar>& point, const Vector3<Scalar>& velocity) noexcept {
     if (!all_finite(point) || !all_finite(velocity)) return Status::non_finite;

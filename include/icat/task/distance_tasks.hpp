@@ -66,6 +66,9 @@ class FrameDistance : public ScalarTask<R> {
         point_(point),
         velocity_(detail::zeros<Vector3<Scalar>>(3)) {
     this->require_finite("point", point);
+    if (other && *other == frame) {
+      detail::invalid("task '", options.name, "': the distance of a frame to itself");
+    }
   }
 
   void compute() noexcept override {
@@ -123,6 +126,9 @@ class CenterOfMass : public ReactiveTask<R> {
         velocity_(detail::zeros<Vector3<Scalar>>(3)) {
     this->require_rate("max_rate", options.max_rate);
     this->require_finite("goal", goal);
+    if (!(robot.mass() > Scalar(0))) {
+      detail::invalid("task '", options.name, "': the robot has no masses");
+    }
   }
 
   /// Another goal (m) and its velocity (m/s), on ⟨0⟩; refused if not finite.

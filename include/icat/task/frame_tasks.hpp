@@ -71,6 +71,8 @@ class FrameGoal : public ReactiveTask<R> {
 
   /// The controlled frame.
   FrameId frame() const noexcept { return frame_.frame(); }
+  /// Rows are components on ⟨0⟩.
+  bool on_world() const noexcept { return frame_.absolute() && on_ == On::reference; }
 
  protected:
   FrameGoal(const R& robot, FrameId frame, std::optional<FrameId> reference,
@@ -82,7 +84,7 @@ class FrameGoal : public ReactiveTask<R> {
         angular_(angular),
         goal_(goal),
         goal_velocity_(zeros<Vector6<Scalar>>(6)),
-        frame_(robot, frame, reference) {
+        frame_(robot, frame, reference, name) {
     this->require_rate("the largest linear rate", linear.max_rate);
     this->require_rate("the largest angular rate", angular.max_rate);
     if (!is_rigid(goal)) {
@@ -405,12 +407,14 @@ class FrameVelocity : public Task<R> {
   FrameVelocity(const R& robot, FrameId frame, Options options)
       : Task<R>(robot, options.name, options.linear.count() + options.angular.count()),
         options_(options),
-        frame_(robot, frame, options.relative_to) {}
+        frame_(robot, frame, options.relative_to, options.name) {}
 
   /// [linear; angular] at the origin of ⟨f⟩, m/s, rad/s, of which the chosen axes count. NaN or
-  /// infinity is refused, and the velocity is 0 until a good one comes.
+  /// infinity among them is refused, and the velocity is 0 until a good one comes: an old velocity
+  /// is not safe as an old goal is.
   Status set_velocity(const Vector6<Scalar>& velocity) noexcept {
-    const bool good = detail::all_finite(velocity);
+    bool good = true;
+    for (Index i = 0; i < 6; ++i) good = good && (!counts(i) || std::isfinite(velocity(i)));
     Index row = 0;
     for (Index i = 0; i < 6; ++i) {
       if (counts(i)) this->reference_(row++) = good ? velocity(i) : Scalar(0);

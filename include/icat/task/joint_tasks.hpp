@@ -60,7 +60,7 @@ class JointTask : public ReactiveTask<R> {
   JointTask(const R& robot, const std::string& name, const std::vector<std::string>& joints,
             bool one_row, Scalar gain)
       : ReactiveTask<R>(robot, name, count(robot, name, joints, one_row), gain),
-        joints_(joint_indices(robot, joints)) {
+        joints_(chosen(robot, name, joints)) {
     for (const Index i : joints_) columns_.push_back(info(i).column);
   }
   /// @throws std::invalid_argument on another number than one or one for each joint, or below 0.
@@ -94,9 +94,17 @@ class JointTask : public ReactiveTask<R> {
   // Before there is a task, so that the message has its name.
   static Index count(const R& robot, const std::string& name,
                      const std::vector<std::string>& joints, bool one) {
-    const auto indices = joint_indices(robot, joints, "task '" + name + "'");
+    const auto indices = chosen(robot, name, joints);
     if (indices.empty()) invalid("task '", name, "': the robot has no joints");
     return one ? 1 : static_cast<Index>(indices.size());
+  }
+  static std::vector<Index> chosen(const R& robot, const std::string& name,
+                                   const std::vector<std::string>& joints) {
+    auto indices = joint_indices(robot, joints, "task '" + name + "'");
+    for (std::size_t i = 0; joints.empty() && i < robot.joints().size(); ++i) {
+      indices.push_back(static_cast<Index>(i));
+    }
+    return indices;
   }
 
   std::vector<Index> joints_, columns_;

@@ -163,8 +163,8 @@ class Manipulability : public ScalarTask<R> {
 
   /// `objective` in the unit of μ (m³ for a revolute arm of six joints or more), such as
   /// `at_least(0.08, 0.01)`.
-  /// @throws std::invalid_argument on settings out of range, or no joint that moves the frame.
-  ///         Allocates.
+  /// @throws std::invalid_argument on settings out of range, no joint that moves the frame, one of
+  ///         `joints` that does not, or a mimic among those that do. Allocates.
   Manipulability(const R& robot, FrameId frame, const Objective<Scalar>& objective)
       : Manipulability(robot, frame, objective, Options{}) {}
   /// The same with options.
@@ -172,7 +172,13 @@ class Manipulability : public ScalarTask<R> {
       : ScalarTask<R>(robot, options.name, objective, options.gain, options.max_rate),
         frame_(frame),
         joints_(moving(robot, frame, {}, options.name)),
-        measure_(moving(robot, frame, options.joints, options.name)) {}
+        measure_(moving(robot, frame, options.joints, options.name)) {
+    if constexpr (requires { robot.moved_by_mimic(frame); }) {
+      if (robot.moved_by_mimic(frame)) {
+        detail::invalid("task '", options.name, "': a mimic is among the joints of the frame");
+      }
+    }
+  }
 
  private:
   // Columns of those of `names` that move the frame, in ascending order.
@@ -180,10 +186,17 @@ class Manipulability : public ScalarTask<R> {
                                    const std::vector<std::string>& names, const std::string& task) {
     std::vector<Index> columns;
     const auto& J = robot.jacobian(frame);
-    for (const Index c : joint_columns(robot, names, "task '" + task + "'")) {
+    const Columns wanted =
+        names.empty() ? joint_columns(robot) : joint_columns(robot, names, "task '" + task + "'");
+    for (Index k = 0; k < wanted.size(); ++k) {
       bool moves = false;
-      for (Index i = 0; i < 6; ++i) moves = moves || J(i, c) != Scalar(0);
-      if (moves) columns.push_back(c);
+      for (Index i = 0; i < 6; ++i) moves = moves || J(i, wanted[k]) != Scalar(0);
+      if (moves) {
+        columns.push_back(wanted[k]);
+      } else if (!names.empty()) {
+        detail::invalid("task '", task, "': joint '", names[static_cast<std::size_t>(k)],
+                        "' does not move the frame");
+      }
     }
     if (columns.empty()) detail::invalid("task '", task, "': no joint moves the frame");
     std::sort(columns.begin(), columns.end());

@@ -22,8 +22,14 @@ class RelativeFrame {
   using Jacobian = Eigen::Matrix<Scalar, 6, R::size>;
 
   /// Allocates for robots of a size known at run time only; nothing else does.
-  RelativeFrame(const R& robot, FrameId frame, std::optional<FrameId> reference)
-      : frame_(frame), reference_(reference), jacobian_(zeros<Jacobian>(6, robot.dof())) {}
+  /// @throws std::invalid_argument with the `task`'s name where a frame is its own reference.
+  RelativeFrame(const R& robot, FrameId frame, std::optional<FrameId> reference,
+                const std::string& task)
+      : frame_(frame), reference_(reference), jacobian_(zeros<Jacobian>(6, robot.dof())) {
+    if (reference && *reference == frame) {
+      invalid("task '", task, "': a frame cannot be relative to itself");
+    }
+  }
 
   /// Reads the robot's present state.
   void update(const R& robot) noexcept {
@@ -47,6 +53,8 @@ class RelativeFrame {
     pose_ = make_pose(times(back, rotation(pose_)), times(back, r));
   }
   FrameId frame() const noexcept { return frame_; }
+  /// Seen from ⟨0⟩.
+  bool absolute() const noexcept { return !reference_; }
   /// Of the frame in the reference.
   const Pose<Scalar>& pose() const noexcept { return pose_; }
   /// 6 × n, at the frame's origin, components on the reference.
