@@ -375,7 +375,7 @@ TYPED_TEST(FrameTasks, VelocitiesOfEveryChoiceOfAxes) {
           }
           // A bad one stops it.
           auto bad = velocity;
-          bad(2) = S(nan);
+          bad(rows.front()) = S(nan);
           EXPECT_EQ(t.set_velocity(bad), Status::non_finite);
           EXPECT_EQ(t.reference().norm(), S(0));
         }

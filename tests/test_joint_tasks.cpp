@@ -389,7 +389,8 @@ TYPED_TEST(JointTasks, ManipulabilityHasAnExactGradient) {
       // √det of the Gram matrix of the columns that move the frame, the shorter side.
       const auto& J = robot.jacobian(robot.frame(c.frame));
       std::vector<Index> columns;
-      for (const Index column : icat::joint_columns(robot, c.joints)) {
+      for (const Index column :
+           c.joints.empty() ? icat::joint_columns(robot) : icat::joint_columns(robot, c.joints)) {
         if (J.col(column).norm() > S(0)) columns.push_back(column);
       }
       Eigen::MatrixXd part(6, static_cast<Index>(columns.size()));

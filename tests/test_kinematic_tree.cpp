@@ -626,7 +626,7 @@ TEST(KinematicTree, ConfigurationErrorsNameWhatIsAtFault) {
             }),
             "KinematicTree: 'one' and 'root' are both roots, or one of them is misspelt");
   EXPECT_EQ(text({J{"a", "one", "two"}, J{"b", "two", "one"}}),
-            "KinematicTree: no link is the root: the joints form a loop");
+            "KinematicTree: no link is the root: the joints form a loop, or a name is ''");
   EXPECT_EQ(text({J{"a", "root", "one"}, J{"b", "three", "two"}, J{"c", "two", "three"}}),
             "KinematicTree: not joined to the root 'root': the joints 'b', 'c'");
   EXPECT_EQ(text({J{"a", "root", "one"}, J{"b", "root", "one"}}),
@@ -636,7 +636,7 @@ TEST(KinematicTree, ConfigurationErrorsNameWhatIsAtFault) {
   // Fixed joints and mimics have names too: a mimic could follow the wrong one.
   EXPECT_EQ(text({J{"a", "root", "one"}, J{"a", "one", "two", JointType::fixed}}),
             "KinematicTree: two joints are called 'a'");
-  EXPECT_EQ(text({}), "KinematicTree: no link is the root: the joints form a loop");
+  EXPECT_EQ(text({}), "KinematicTree: there are no joints; name the root link by .root");
   EXPECT_EQ(message_of([&] { Tree({.joints = {}, .root = "rock"}); }),
             "KinematicTree: nothing can move");
   EXPECT_EQ(text({J{"weld", "root", "one", JointType::fixed}}), "KinematicTree: nothing can move");

@@ -469,7 +469,7 @@ class KinematicTree {
         while (next < all.size() && all[next].name != mimic.joint) ++next;
         if (next == all.size() || all[next].type == JointType::fixed || steps > all.size()) {
           detail::invalid("KinematicTree: joint '", all[i].name, "' follows '", mimic.joint,
-                          mimic.joint == all[i].name ? "', itself" : "', which does not move");
+                          "', which does not move");
         }
         leader = next;
       }
