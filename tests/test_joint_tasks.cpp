@@ -361,7 +361,7 @@ std::vector<MeasureCase> measures() {
           {"right_hand", right_arm},                    // four
           {"right_hand", {"right4", "right1"}},         // two, in another order
           {"left_hand", {"waist", "left2", "left4"}},   // with others between
-          {"left_hand", {"left2", "left4", "right1"}},  // one that does not move the frame
+          {"left_hand", {"left2", "left4"}},            // neighbours
           {"camera", {"neck"}}};
 }
 
