@@ -355,13 +355,13 @@ struct MeasureCase {
   Names joints;
 };
 std::vector<MeasureCase> measures() {
-  return {{"left_hand", {}},                            // eight: torso and arm
-          {"left_hand", left_arm},                      // six, the torso before them
-          {"right_hand", {}},                           // six of all kinds
-          {"right_hand", right_arm},                    // four
-          {"right_hand", {"right4", "right1"}},         // two, in another order
-          {"left_hand", {"waist", "left2", "left4"}},   // with others between
-          {"left_hand", {"left2", "left4"}},            // neighbours
+  return {{"left_hand", {}},                           // eight: torso and arm
+          {"left_hand", left_arm},                     // six, the torso before them
+          {"right_hand", {}},                          // six of all kinds
+          {"right_hand", right_arm},                   // four
+          {"right_hand", {"right4", "right1"}},        // two, in another order
+          {"left_hand", {"waist", "left2", "left4"}},  // with others between
+          {"left_hand", {"left2", "left4"}},           // neighbours
           {"camera", {"neck"}}};
 }
 
@@ -571,7 +571,7 @@ TEST(JointErrors, NameTheTaskAndTheJoint) {
   };
   EXPECT_EQ(mu("pelvis", {.name = "mu"}), "task 'mu': no joint moves the frame");
   EXPECT_EQ(mu("left_hand", {.joints = right_arm}),
-            "task 'manipulability': no joint moves the frame");
+            "task 'manipulability': joint 'right1' does not move the frame");
   // √det of a column that stands twice would always be 0.
   EXPECT_EQ(mu("left_hand", {.joints = {"left1", "left1"}}),
             "task 'manipulability': joint 'left1' stands twice");
