@@ -11,7 +11,6 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <map>
 #include <set>
 #include <string>
 #include <utility>
@@ -37,7 +36,7 @@ namespace detail {
 
 /// An action, its tasks as numbers.
 struct NumberedAction {
-  using Level = std::set<std::size_t>;
+  using Level = std::vector<std::size_t>;  // ascending
   std::string name;
   std::vector<Level> levels;
 };
@@ -68,24 +67,34 @@ class HierarchySearch {
   }
 
   /// For each unified level, the highest first, which actions place their next level there.
-  [[gnu::cold]] std::vector<std::vector<bool>> solve() const {
-    std::vector<std::vector<bool>> moves;
+  [[gnu::cold]] std::vector<std::string> solve() const {
+    std::vector<State> moves;
     std::vector<std::size_t> placed(all_.size(), 0);
     for (const Level& level : shortest()) {
-      auto& move = moves.emplace_back(all_.size(), false);
+      State& move = moves.emplace_back();
+      move.assign(all_.size(), 0);
       for (std::size_t a = 0; a < all_.size(); ++a) {
-        move[a] = fits(all_[a], placed[a], level);
-        if (move[a]) ++placed[a];
+        if (!fits(all_[a], placed[a], level)) continue;
+        move[a] = 1;
+        ++placed[a];
       }
     }
     return moves;
+  }
+
+  /// Puts what `level` lacks of `tasks` in its place.
+  static void merge(const NumberedAction::Level& tasks, NumberedAction::Level& level) {
+    for (const std::size_t task : tasks) {
+      const auto at = std::lower_bound(level.begin(), level.end(), task);
+      if (at == level.end() || *at != task) level.insert(at, task);
+    }
   }
 
  private:
   using Level = NumberedAction::Level;
   using Counts = std::vector<std::size_t>;
   /// How many levels of each action are placed.
-  using State = std::vector<unsigned char>;
+  using State = std::string;  // which compilers have at hand
   /// A level of a list; its parent is the level below. Cost and bound are (entries, levels).
   struct Node {
     std::size_t entries_bound{0}, levels_bound{0}, entries{0}, levels{0}, parent{0};
@@ -95,14 +104,17 @@ class HierarchySearch {
   /// The tasks still to come, divided into strongly connected components: the tasks of a part share
   /// levels, or come both before and after each other, and then one of them must stand twice.
   struct Parts {
-    Counts part_of;           ///< of each task; none if it is placed
-    std::vector<bool> waits;  ///< Is a level of the part not the next of its action?
-    std::vector<bool> conflicts;
+    Counts part_of;  ///< of each task; none if it is placed
+    State waits;     ///< Is a level of the part not the next of its action?
+    State conflicts;
     Counts visit, stack;  ///< of Tarjan's algorithm
     std::size_t visits{0};
   };
   static constexpr std::size_t none = static_cast<std::size_t>(-1);
 
+  static std::size_t count(const State& placed, std::size_t a) {
+    return static_cast<unsigned char>(placed[a]);
+  }
   /// Does the k-th level of `a` exist and lie in `level`?
   static bool fits(const NumberedAction& a, std::size_t k, const Level& level) {
     return k < a.levels.size() &&
@@ -133,26 +145,28 @@ class HierarchySearch {
         return list;
       }
       Level free;
-      std::set<Level> choices;
+      std::vector<Level> choices;
       for (std::size_t a = 0; a < actions_.size(); ++a) {
-        if (placed[a] == actions_[a].levels.size()) continue;
-        const Level& level = actions_[a].levels[placed[a]];
+        if (count(placed, a) == actions_[a].levels.size()) continue;
+        const Level& level = actions_[a].levels[count(placed, a)];
         const std::size_t part = parts.part_of[*level.begin()];
-        if (parts.conflicts[part]) choices.insert(level);
-        if (!parts.waits[part]) free.insert(level.begin(), level.end());
+        if (parts.conflicts[part] &&
+            std::find(choices.begin(), choices.end(), level) == choices.end()) {
+          choices.push_back(level);
+        }
+        if (!parts.waits[part]) merge(level, free);
       }
       constexpr std::size_t most = 100'000, most_choices = 16;
       if (nodes.size() > most || choices.size() > most_choices) give_up();
       // Every subset of the choices may lie here, with all levels that cost no more entries.
       for (std::size_t subset = 0; (subset >> choices.size()) == 0; ++subset) {
         Level level = free;
-        std::size_t bit = 0;
-        for (const Level& choice : choices) {
-          if ((subset >> bit++) & 1) level.insert(choice.begin(), choice.end());
+        for (std::size_t bit = 0; bit < choices.size(); ++bit) {
+          if ((subset >> bit) & 1) merge(choices[bit], level);
         }
         State next = placed;
         for (std::size_t a = 0; a < actions_.size(); ++a) {
-          if (fits(actions_[a], placed[a], level)) ++next[a];
+          if (fits(actions_[a], count(placed, a), level)) ++next[a];
         }
         if (closed.count(next) != 0) continue;  // The empty subset may place nothing.
         open.push_back(nodes.size());
@@ -180,10 +194,10 @@ class HierarchySearch {
   /// rest its levels.
   Node on_top_of(const Node& below, std::size_t parent, Level level, State placed) const {
     const Parts parts = divide(placed);
-    const auto conflicts = std::count(parts.conflicts.begin(), parts.conflicts.end(), true);
+    const auto conflicts = std::count(parts.conflicts.begin(), parts.conflicts.end(), '\1');
     std::size_t longest = 0;
     for (std::size_t a = 0; a < actions_.size(); ++a) {
-      longest = std::max(longest, actions_[a].levels.size() - placed[a]);
+      longest = std::max(longest, actions_[a].levels.size() - count(placed, a));
     }
     Node node;
     node.entries = below.entries + level.size();
@@ -202,12 +216,12 @@ class HierarchySearch {
     parts.visit = parts.part_of;
     for (std::size_t a = 0; a < actions_.size(); ++a) {
       std::size_t before = none;
-      for (std::size_t k = placed[a]; k < actions_[a].levels.size(); ++k) {
+      for (std::size_t k = count(placed, a); k < actions_[a].levels.size(); ++k) {
         const std::size_t task = *actions_[a].levels[k].begin();
         if (parts.visit[task] == none) visit(task, placed, parts);
         const std::size_t part = parts.part_of[task];
-        if (k > placed[a]) parts.waits[part] = true;
-        if (part == before) parts.conflicts[part] = true;
+        if (k > count(placed, a)) parts.waits[part] = 1;
+        if (part == before) parts.conflicts[part] = 1;
         before = part;
       }
     }
@@ -219,7 +233,7 @@ class HierarchySearch {
     std::size_t earliest = parts.visit[task] = parts.visits++;
     parts.stack.push_back(task);
     for (const auto& [a, first] : found_[task]) {
-      if (first < placed[a]) continue;
+      if (first < count(placed, a)) continue;
       for (std::size_t k = first; k < std::min(first + 2, actions_[a].levels.size()); ++k) {
         for (const std::size_t other : actions_[a].levels[k]) {
           if (parts.visit[other] == none) {
@@ -235,8 +249,8 @@ class HierarchySearch {
       parts.part_of[parts.stack.back()] = parts.waits.size();
       parts.stack.pop_back();
     }
-    parts.waits.push_back(false);
-    parts.conflicts.push_back(false);
+    parts.waits.push_back(0);
+    parts.conflicts.push_back(0);
     return earliest;
   }
 
@@ -273,10 +287,12 @@ template <Robot R>
 [[gnu::cold]] void check_actions(const std::vector<Action<R>>& actions) {
   if (actions.empty()) invalid("unified_hierarchy: there are no actions");
   constexpr std::size_t most_levels = 255;
-  std::set<std::string> names;
-  for (const auto& action : actions) {
-    if (!names.insert(action.name).second) {
-      invalid("unified_hierarchy: two actions are called '", action.name, "'");
+  for (std::size_t a = 0; a < actions.size(); ++a) {
+    const Action<R>& action = actions[a];
+    for (std::size_t b = 0; b < a; ++b) {
+      if (actions[b].name == action.name) {
+        invalid("unified_hierarchy: two actions are called '", action.name, "'");
+      }
     }
     if (action.levels.size() > most_levels) {
       invalid("action '", action.name, "': at most ", most_levels, " levels, got ",
@@ -299,19 +315,22 @@ template <Robot R>
 
 /// The order in which the actions' levels are placed, see `HierarchySearch::solve`.
 template <Robot R>
-[[gnu::cold]] std::vector<std::vector<bool>> place_levels(const std::vector<Action<R>>& actions) {
-  std::map<const void*, std::size_t> numbers;
+[[gnu::cold]] std::vector<std::string> place_levels(const std::vector<Action<R>>& actions) {
+  std::vector<const void*> tasks;  // a task's number is its index here
   std::vector<NumberedAction> numbered;
   for (const auto& action : actions) {
-    auto& levels = numbered.emplace_back(NumberedAction{action.name, {}}).levels;
+    NumberedAction& mine = numbered.emplace_back();
+    mine.name = action.name;
     for (const auto& level : action.levels) {
-      levels.emplace_back();
+      NumberedAction::Level& numbers = mine.levels.emplace_back();
       for (const Task<R>& task : level) {
-        levels.back().insert(numbers.try_emplace(&task, numbers.size()).first->second);
+        const auto found = std::find(tasks.begin(), tasks.end(), &task);
+        HierarchySearch::merge({static_cast<std::size_t>(found - tasks.begin())}, numbers);
+        if (found == tasks.end()) tasks.push_back(&task);
       }
     }
   }
-  return HierarchySearch(std::move(numbered), numbers.size()).solve();
+  return HierarchySearch(std::move(numbered), tasks.size()).solve();
 }
 
 }  // namespace detail
@@ -326,10 +345,10 @@ template <Robot R>
   detail::check_actions(actions);
   UnifiedHierarchy<R> levels;
   std::vector<std::size_t> placed(actions.size(), 0);
-  for (const std::vector<bool>& move : detail::place_levels(actions)) {
+  for (const std::string& move : detail::place_levels(actions)) {
     auto& level = levels.emplace_back();
     for (std::size_t a = 0; a < actions.size(); ++a) {
-      if (!move[a]) continue;
+      if (move[a] == 0) continue;
       for (Task<R>& task : actions[a].levels[placed[a]++]) {
         std::size_t i = 0;
         while (i < level.size() && level[i].task != &task) ++i;

@@ -18,7 +18,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <type_traits>
 #include <vector>
 
 #include "icat/math/spatial_algebra.hpp"
@@ -47,8 +46,7 @@ class ManipulabilityMeasure {
       for (Index i = 0; i < 6; ++i) block_(i, j) = J(i, column(j));
     }
     fill(y_, Scalar(0));
-    // Loops of known length for the usual arm.
-    return side_ == 6 ? solve(Six()) : solve(side_);
+    return solve(side_);
   }
 
   /// ∂μ/∂q for the joint in column `c` of `J`, after `compute`.
@@ -72,17 +70,15 @@ class ManipulabilityMeasure {
   using Block = Eigen::Matrix<Scalar, 6, Eigen::Dynamic>;
   using Small = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, 6>;
   Index column(Index k) const noexcept { return columns_[static_cast<std::size_t>(k)]; }
-  using Six = std::integral_constant<Index, 6>;
   static Scalar dot6(const Scalar* a, const Scalar* b) noexcept {
     return (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) + (a[3] * b[3] + a[4] * b[4] + a[5] * b[5]);
   }
 
-  template <class Side>
-  Scalar solve(Side side) noexcept {
+  Scalar solve(Index side) noexcept {
     // J Jᵀ, or JᵀJ for fewer than six columns: the side that has full rank.
     const bool tall = side < 6;
     const Scalar* J = block_.data();
-    Small S(Index{side}, Index{side});
+    Small S(side, side);
     fill(S, Scalar(0));
     for (Index j = 0; j < m_; ++j) {
       for (Index b = 0; b < side; ++b) {
