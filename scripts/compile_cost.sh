@@ -57,9 +57,9 @@ for flags in -O0 "-O2 -DNDEBUG"; do
   read -r dense _ < <(measure "$work/dense.cpp" $flags)
   # Missed since robots are trees and lists of actions may be long: see docs/benchmarks.md.
   if [[ $flags == -O0 ]]; then
-    reach=(4 400 4.9 450) grasp=(9 -)
+    reach=(4 400) grasp=(9 -)
   else
-    reach=(6 - 8 -) grasp=(9 - 12.4 -)
+    reach=(6 - 7.2 -) grasp=(9 - 11.2 -)
   fi
   row '#include <icat/icat.hpp>' "$work/icat.cpp" "$flags" - -
   row 'Tpik<double, 13>' benchmarks/compile_cost/bare_tpik.cpp "$flags" 2.5 -

@@ -26,8 +26,7 @@ class BaseCompensation {
   /// Velocities of the columns that are not the base's, in their order.
   using JointVelocity = Vector<Scalar, Eigen::Dynamic>;
 
-  /// `given`: columns besides the base's that are not commanded; they count as standing still,
-  /// except in `solve_for`.
+  /// `given`: columns besides the base's that are not commanded; in the law they stand still.
   /// `levels`: those that will be solved, for their sizes.
   /// @throws std::invalid_argument on bad options, or a robot without joints.
   [[gnu::cold]] BaseCompensation(const R& robot, const typename Solver::Options& options,
@@ -66,20 +65,9 @@ class BaseCompensation {
     return column >= base_.first && column < base_.first + base_.count;
   }
 
-  /// TPIK 2 on `levels` for the base's velocity `measured`, one for each of its columns. One that
-  /// is not finite: zero velocity.
-  template <class V>
-  Status solve(std::span<const Level<Scalar, R::size>> levels,
-               const Eigen::MatrixBase<V>& measured) noexcept {
-    if (measured.size() != base_.count) return Status::wrong_size;
-    detail::fill(tpik_.measured(), Scalar(0));
-    for (Index j = 0; j < base_.count; ++j) tpik_.measured()(base_.first + j) = measured(j);
-    return tpik_.solve(levels);
-  }
-  /// The same for the velocity `measured` of all columns, n, of which the base's and the given ones
-  /// count.
-  Status solve_for(std::span<const Level<Scalar, R::size>> levels,
-                   const Velocity& measured) noexcept {
+  /// TPIK 2 on `levels` for the velocity `measured`, n, of which the base's and the given columns
+  /// count. One that is needed and not finite: zero velocity.
+  Status solve(std::span<const Level<Scalar, R::size>> levels, const Velocity& measured) noexcept {
     if (measured.size() != tpik_.measured().size()) return Status::wrong_size;
     for (Index c = 0; c < measured.size(); ++c) tpik_.measured()(c) = measured(c);
     return tpik_.solve(levels);

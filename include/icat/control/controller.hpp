@@ -47,7 +47,8 @@ class Controller {
   /// Enters `action` at once, for a start in the middle of things. Time in s, on one clock.
   Status start(std::string_view action, double time) noexcept { return stack_.start(action, time); }
   /// Moves to `action` over `duration` seconds, from the activations as they are now (all 0 before
-  /// the first action); also in the middle of another transition, also back.
+  /// the first action); also in the middle of another transition, also back. To the action that
+  /// runs or is being entered: nothing changes, so it may be said in every cycle.
   Status switch_to(std::string_view action, double time, double duration) noexcept {
     return stack_.switch_to(action, time, duration);
   }
@@ -63,10 +64,7 @@ class Controller {
   Status set_given(B, bool) = delete;
   /// The same for the joint of this name, such as one whose motor died.
   Status set_given(std::string_view joint, bool given) noexcept requires JointedRobot<R> {
-    for (const auto& info : stack_.robot().joints()) {
-      if (info.name == joint) return set_given(info.column, given);
-    }
-    return Status::unknown_joint;
+    return set_given(detail::column_of(stack_.robot(), joint), given);
   }
 
   /// One control cycle; given columns stand still. On bad input:

@@ -59,10 +59,7 @@ class ParallelController {
   Status set_given(B, bool) = delete;
   /// As `Controller::set_given`.
   Status set_given(std::string_view joint, bool given) noexcept requires JointedRobot<R> {
-    for (const auto& info : first_.robot().joints()) {
-      if (info.name == joint) return set_given(info.column, given);
-    }
-    return Status::unknown_joint;
+    return set_given(detail::column_of(first_.robot(), joint), given);
   }
 
   /// Both, for the same state and measurement. Errors as in `Controller::step`.
@@ -71,7 +68,7 @@ class ParallelController {
     Status status = prepare(time, measured);
     if (status != Status::ok) return status;
     status = solve_base();
-    const Status joints = solve_joints(measured);
+    const Status joints = solve_joints();
     return status == Status::ok ? joints : status;
   }
   /// TPIK 1 alone, at the base's rate: new velocities of the base.
@@ -84,7 +81,7 @@ class ParallelController {
   template <class V>
   Status step_joints(double time, const Eigen::MatrixBase<V>& measured) noexcept {
     const Status status = prepare(time, measured);
-    return status == Status::ok ? solve_joints(measured) : status;
+    return status == Status::ok ? solve_joints() : status;
   }
   /// The law of TPIK 2 for the present state: after it `joint_velocity(measured)` answers every new
   /// measurement without solving.
@@ -125,9 +122,8 @@ class ParallelController {
     take(true, first_.velocity());
     return status;
   }
-  template <class V>
-  Status solve_joints(const Eigen::MatrixBase<V>& measured) noexcept {
-    const Status status = second_.solve(first_.levels(), measured);
+  Status solve_joints() noexcept {
+    const Status status = second_.solve(first_.levels(), measured_);
     take(false, second_.velocity());
     return status;
   }

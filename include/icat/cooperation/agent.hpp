@@ -188,7 +188,7 @@ class Agent {
     take(same ? own_.velocity() : second_.velocity(), false);
     if constexpr (MobileRobot<R>) {
       if (compensation_) {
-        const Status joints = compensation_->solve_for(second_.levels(), measured);
+        const Status joints = compensation_->solve(second_.levels(), measured);
         take(compensation_->velocity(), true);
         if (status == Status::ok) status = joints;
       }

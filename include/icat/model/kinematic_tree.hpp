@@ -15,7 +15,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <span>
+#include <string>
+#include <vector>
 
 #include "icat/core/status.hpp"
 #include "icat/model/base.hpp"
@@ -24,8 +25,8 @@
 
 namespace icat {
 
-/// A robot of `N` columns, or `Eigen::Dynamic`: as many as the description has. Construction and
-/// `add_frame` allocate and throw; nothing else does.
+/// A robot of `N` columns, or `Eigen::Dynamic`: as many as the description has. Construction,
+/// `add_frame` and `frame` allocate and throw; nothing else does.
 template <class ScalarType, int N = Eigen::Dynamic>
 class KinematicTree {
  public:
@@ -84,7 +85,7 @@ class KinematicTree {
     for (const Frame& f : frames_) names.push_back(f.name);
     detail::invalid("no frame '", name, "'; there are ", detail::listed(names));
   }
-  /// Number of frames: the links in the order of the description, the root first, and those added.
+  /// Number of frames: the root, the other links, each after its parent, and those added.
   Index frame_count() const noexcept { return static_cast<Index>(frames_.size()); }
   /// As given.
   const std::string& frame_name(FrameId frame) const noexcept { return at(frame).name; }
@@ -284,6 +285,11 @@ class KinematicTree {
         if (b.turns) J(3 + row, b.column) += b.multiplier * b.axis(row);
       }
     }
+    fill_base_columns(p, J);
+  }
+  // What the base's columns do to a point `p` that moves with it; 3 × n or 6 × n.
+  template <class M>
+  void fill_base_columns(const Vector3<Scalar>& p, M& J) const noexcept {
     const Matrix3<Scalar> R = detail::rotation(bodies_[0].pose);
     const Vector3<Scalar> r = detail::minus(p, detail::origin(bodies_[0].pose));
     for (Index j = 0; j < base_motion_.cols(); ++j) {
@@ -291,7 +297,9 @@ class KinematicTree {
       detail::set_column3(J, 0, joint_count() + j,
                           detail::plus(detail::times(R, detail::column3(base_motion_, 0, j)),
                                        detail::cross(angular, r)));
-      detail::set_column3(J, 3, joint_count() + j, angular);
+      if constexpr (M::RowsAtCompileTime == 6) {
+        detail::set_column3(J, 3, joint_count() + j, angular);
+      }
     }
   }
 
@@ -301,14 +309,7 @@ class KinematicTree {
     detail::fill(center_jacobian_, Scalar(0));
     center_ = detail::origin(bodies_[0].pose);
     if (mass_ > Scalar(0)) add_carried();
-    const Matrix3<Scalar> R = detail::rotation(bodies_[0].pose);
-    const Vector3<Scalar> r = detail::minus(center_, detail::origin(bodies_[0].pose));
-    for (Index j = 0; j < base_motion_.cols(); ++j) {
-      const Vector3<Scalar> angular = detail::times(R, detail::column3(base_motion_, 3, j));
-      detail::set_column3(center_jacobian_, 0, joint_count() + j,
-                          detail::plus(detail::times(R, detail::column3(base_motion_, 0, j)),
-                                       detail::cross(angular, r)));
-    }
+    fill_base_columns(center_, center_jacobian_);
   }
 
   // The centre of mass and the columns of the joints. From the tips inwards: mass and
@@ -397,25 +398,23 @@ class KinematicTree {
     bodies_.emplace_back();
     frames_.push_back({find_root(description), 0, detail::identity_pose<Scalar>(), false, {}, 0});
     const auto& all = description.joints;
-    std::vector<bool> placed(all.size(), false);
-    std::vector<Index> moved(all.size(), -1);  // body of each joint
+    std::vector<Index> moved(all.size(), -1);  // body of each joint; −1 until it is placed
     for (std::size_t count = 0; count < all.size();) {
       const std::size_t before = count;
       for (std::size_t i = 0; i < all.size(); ++i) {
-        if (placed[i]) continue;
+        if (moved[i] >= 0) continue;
         const Frame* parent = nullptr;
         for (const Frame& f : frames_) {
           if (f.name == all[i].parent) parent = &f;
         }
         if (!parent) continue;
         moved[i] = place(all[i], *parent);
-        placed[i] = true;
         ++count;
       }
       if (count > before) continue;
       std::vector<std::string> rest;
       for (std::size_t i = 0; i < all.size(); ++i) {
-        if (!placed[i]) rest.push_back(all[i].name);
+        if (moved[i] < 0) rest.push_back(all[i].name);
       }
       detail::invalid("KinematicTree: not joined to the root '", frames_[0].name, "': the joints ",
                       detail::listed(rest));
@@ -434,22 +433,20 @@ class KinematicTree {
       frames_.push_back({joint.link, body, detail::compose(origin, joint.link_pose), true, {}, 0});
       return body;
     }
-    Body b;
+    const Index index = static_cast<Index>(bodies_.size());
+    Body& b = bodies_.emplace_back();
     b.parent = parent.body;
     b.turns = joint.type != JointType::prismatic;
     b.origin = origin;
     b.local_axis = detail::scaled(joint.axis, Scalar(1) / detail::norm(joint.axis));
-    const Index index = static_cast<Index>(bodies_.size());
     if (!joint.mimic) {
       b.column = joint_count();
       const bool endless = joint.type == JointType::continuous;
-      constexpr Scalar infinity = std::numeric_limits<Scalar>::infinity();
-      joints_.push_back({joint.name, b.column, endless ? -infinity : joint.lower,
-                         endless ? infinity : joint.upper, joint.max_velocity,
+      joints_.push_back({joint.name, b.column, endless ? -infinity<Scalar> : joint.lower,
+                         endless ? infinity<Scalar> : joint.upper, joint.max_velocity,
                          joint.max_acceleration, endless});
       joint_body_.push_back(index);
     }
-    bodies_.push_back(b);
     frames_.push_back({joint.link, index, joint.link_pose, false, {}, 0});
     return index;
   }

@@ -160,16 +160,26 @@ template <JointedRobot R>
   return names;
 }
 
+/// The column of the joint called `name`; −1 where there is none. No allocation.
+template <JointedRobot R>
+Index column_of(const R& robot, std::string_view name) noexcept {
+  for (const auto& joint : robot.joints()) {
+    if (joint.name == name) return joint.column;
+  }
+  return -1;
+}
+
 /// @throws std::invalid_argument on a column that is not the robot's, or one that stands twice.
 [[gnu::cold]] inline void check_columns(const std::string& owner, const Columns& columns,
                                         Index dof) {
-  std::vector<bool> seen(static_cast<std::size_t>(dof), false);
-  for (const Index c : columns) {
+  for (Index i = 0; i < columns.size(); ++i) {
+    const Index c = columns[i];
     if (c < 0 || c >= dof) {
       invalid(owner, ": column ", c, " is not among the robot's ", dof);
     }
-    if (seen[static_cast<std::size_t>(c)]) invalid(owner, ": column ", c, " stands twice");
-    seen[static_cast<std::size_t>(c)] = true;
+    for (Index k = 0; k < i; ++k) {
+      if (columns[k] == c) invalid(owner, ": column ", c, " stands twice");
+    }
   }
 }
 

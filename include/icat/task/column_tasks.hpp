@@ -12,7 +12,7 @@ namespace detail {
 template <Robot R>
 class ColumnTask : public Task<R> {
  protected:
-  ColumnTask(const R& robot, const Columns& columns, const std::string& name)
+  [[gnu::cold]] ColumnTask(const R& robot, const Columns& columns, const std::string& name)
       : Task<R>(robot, name, checked(robot, columns, name)) {
     for (Index k = 0; k < columns.size(); ++k) {
       this->jacobian_(k, columns[k]) = typename R::Scalar(1);
@@ -38,7 +38,8 @@ template <Robot R>
 class Minimality : public detail::ColumnTask<R> {
  public:
   /// @throws std::invalid_argument on no columns, or such that there are not. Allocates.
-  Minimality(const R& robot, const Columns& columns, const std::string& name = "minimality")
+  [[gnu::cold]] Minimality(const R& robot, const Columns& columns,
+                           const std::string& name = "minimality")
       : detail::ColumnTask<R>(robot, columns, name) {}
 };
 
@@ -51,7 +52,8 @@ class GivenVelocity : public detail::ColumnTask<R> {
   using Scalar = typename R::Scalar;
   /// Starts with velocity 0.
   /// @throws std::invalid_argument on no columns, or such that there are not. Allocates.
-  GivenVelocity(const R& robot, const Columns& columns, const std::string& name = "given velocity")
+  [[gnu::cold]] GivenVelocity(const R& robot, const Columns& columns,
+                              const std::string& name = "given velocity")
       : detail::ColumnTask<R>(robot, columns, name) {}
   /// As measured, one for each column, m/s, rad/s; refused if not finite or of another number, the
   /// old one stays. `velocity` may be any Eigen vector.

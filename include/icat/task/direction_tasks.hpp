@@ -60,8 +60,10 @@ class DirectionTask : public ReactiveTask<R> {
   }
 
  protected:
-  DirectionTask(const R& robot, const std::string& name, FrameId frame, const Vector3<Scalar>& axis,
-                const std::optional<Objective<Scalar>>& norm, Scalar gain, Scalar max_rate)
+  [[gnu::cold]] DirectionTask(const R& robot, const std::string& name, FrameId frame,
+                              const Vector3<Scalar>& axis,
+                              const std::optional<Objective<Scalar>>& norm, Scalar gain,
+                              Scalar max_rate)
       : ReactiveTask<R>(robot, name, norm ? 1 : 2, gain),
         frame_(frame),
         norm_(norm),
@@ -123,9 +125,11 @@ class TargetTask : public DirectionTask<R> {
   using Scalar = typename R::Scalar;
 
  protected:
-  TargetTask(const R& robot, const std::string& name, FrameId frame, const Vector3<Scalar>& axis,
-             std::optional<FrameId> target, const Vector3<Scalar>& point,
-             const std::optional<Objective<Scalar>>& norm, Scalar gain, Scalar max_rate)
+  [[gnu::cold]] TargetTask(const R& robot, const std::string& name, FrameId frame,
+                           const Vector3<Scalar>& axis, std::optional<FrameId> target,
+                           const Vector3<Scalar>& point,
+                           const std::optional<Objective<Scalar>>& norm, Scalar gain,
+                           Scalar max_rate)
       : DirectionTask<R>(robot, name, frame, axis, norm, gain, max_rate),
         target_(target),
         point_(point),
@@ -204,9 +208,9 @@ class Attitude : public detail::DirectionTask<R> {
   };
 
   /// @throws std::invalid_argument on settings out of range. Allocates.
-  Attitude(const R& robot, FrameId frame) : Attitude(robot, frame, Options{}) {}
+  [[gnu::cold]] Attitude(const R& robot, FrameId frame) : Attitude(robot, frame, Options{}) {}
   /// The same with options.
-  Attitude(const R& robot, FrameId frame, Options options)
+  [[gnu::cold]] Attitude(const R& robot, FrameId frame, Options options)
       : detail::DirectionTask<R>(robot, options.name, frame, options.axis, options.norm,
                                  options.gain, options.max_rate),
         world_axis_(this->unit("world_axis", options.world_axis)) {}
@@ -259,17 +263,18 @@ class LookAt : public detail::TargetTask<R> {
 
   /// `target` in ⟨0⟩, m.
   /// @throws std::invalid_argument on settings out of range. Allocates.
-  LookAt(const R& robot, FrameId camera, const Vector3<Scalar>& target)
+  [[gnu::cold]] LookAt(const R& robot, FrameId camera, const Vector3<Scalar>& target)
       : LookAt(robot, camera, target, Options{}) {}
   /// The same with options.
-  LookAt(const R& robot, FrameId camera, const Vector3<Scalar>& target, Options options)
+  [[gnu::cold]] LookAt(const R& robot, FrameId camera, const Vector3<Scalar>& target,
+                       Options options)
       : detail::TargetTask<R>(robot, options.name, camera, options.axis, std::nullopt, target,
                               options.norm, options.gain, options.max_rate) {}
   /// The target is the origin of another frame of the robot.
-  LookAt(const R& robot, FrameId camera, FrameId target)
+  [[gnu::cold]] LookAt(const R& robot, FrameId camera, FrameId target)
       : LookAt(robot, camera, target, Options{}) {}
   /// The same with options.
-  LookAt(const R& robot, FrameId camera, FrameId target, Options options)
+  [[gnu::cold]] LookAt(const R& robot, FrameId camera, FrameId target, Options options)
       : detail::TargetTask<R>(robot, options.name, camera, options.axis, target,
                               detail::zeros<Vector3<Scalar>>(3), options.norm, options.gain,
                               options.max_rate) {}
@@ -302,11 +307,12 @@ class Occlusion : public detail::TargetTask<R> {
 
   /// `objective`: such as `at_least(half the opening of the cone, margin)`, rad.
   /// @throws std::invalid_argument on settings out of range. Allocates.
-  Occlusion(const R& robot, FrameId camera, FrameId frame, const Objective<Scalar>& objective)
+  [[gnu::cold]] Occlusion(const R& robot, FrameId camera, FrameId frame,
+                          const Objective<Scalar>& objective)
       : Occlusion(robot, camera, frame, objective, Options{}) {}
   /// The same with options.
-  Occlusion(const R& robot, FrameId camera, FrameId frame, const Objective<Scalar>& objective,
-            Options options)
+  [[gnu::cold]] Occlusion(const R& robot, FrameId camera, FrameId frame,
+                          const Objective<Scalar>& objective, Options options)
       : detail::TargetTask<R>(robot, options.name, camera, options.axis, frame,
                               detail::zeros<Vector3<Scalar>>(3), objective, options.gain,
                               options.max_rate) {

@@ -29,19 +29,20 @@ class FrameDistance : public ScalarTask<R> {
 
   /// `point` in ⟨0⟩, m; `objective` on ‖d‖, such as `at_least(2, 0.5)`, m.
   /// @throws std::invalid_argument on settings out of range. Allocates.
-  FrameDistance(const R& robot, FrameId frame, const Vector3<Scalar>& point,
-                const Objective<Scalar>& objective)
+  [[gnu::cold]] FrameDistance(const R& robot, FrameId frame, const Vector3<Scalar>& point,
+                              const Objective<Scalar>& objective)
       : FrameDistance(robot, frame, point, objective, Options{}) {}
   /// The same with options.
-  FrameDistance(const R& robot, FrameId frame, const Vector3<Scalar>& point,
-                const Objective<Scalar>& objective, Options options)
+  [[gnu::cold]] FrameDistance(const R& robot, FrameId frame, const Vector3<Scalar>& point,
+                              const Objective<Scalar>& objective, Options options)
       : FrameDistance(robot, frame, std::nullopt, point, objective, options) {}
   /// To the origin of another frame.
-  FrameDistance(const R& robot, FrameId frame, FrameId other, const Objective<Scalar>& objective)
+  [[gnu::cold]] FrameDistance(const R& robot, FrameId frame, FrameId other,
+                              const Objective<Scalar>& objective)
       : FrameDistance(robot, frame, other, objective, Options{}) {}
   /// The same with options.
-  FrameDistance(const R& robot, FrameId frame, FrameId other, const Objective<Scalar>& objective,
-                Options options)
+  [[gnu::cold]] FrameDistance(const R& robot, FrameId frame, FrameId other,
+                              const Objective<Scalar>& objective, Options options)
       : FrameDistance(robot, frame, std::optional<FrameId>(other),
                       detail::zeros<Vector3<Scalar>>(3), objective, options) {}
 
@@ -57,9 +58,9 @@ class FrameDistance : public ScalarTask<R> {
   }
 
  private:
-  FrameDistance(const R& robot, FrameId frame, std::optional<FrameId> other,
-                const Vector3<Scalar>& point, const Objective<Scalar>& objective,
-                const Options& options)
+  [[gnu::cold]] FrameDistance(const R& robot, FrameId frame, std::optional<FrameId> other,
+                              const Vector3<Scalar>& point, const Objective<Scalar>& objective,
+                              const Options& options)
       : ScalarTask<R>(robot, options.name, objective, options.gain, options.max_rate),
         frame_(frame),
         other_(other),
@@ -116,10 +117,10 @@ class CenterOfMass : public ReactiveTask<R> {
 
   /// `goal` in ⟨0⟩, m.
   /// @throws std::invalid_argument on settings out of range. Allocates.
-  CenterOfMass(const R& robot, const Vector3<Scalar>& goal)
+  [[gnu::cold]] CenterOfMass(const R& robot, const Vector3<Scalar>& goal)
       : CenterOfMass(robot, goal, Options{}) {}
   /// The same with options.
-  CenterOfMass(const R& robot, const Vector3<Scalar>& goal, Options options)
+  [[gnu::cold]] CenterOfMass(const R& robot, const Vector3<Scalar>& goal, Options options)
       : ReactiveTask<R>(robot, options.name, options.axes.count(), options.gain),
         options_(options),
         goal_(goal),

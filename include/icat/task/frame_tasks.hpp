@@ -75,9 +75,10 @@ class FrameGoal : public ReactiveTask<R> {
   bool on_world() const noexcept { return frame_.absolute() && on_ == On::reference; }
 
  protected:
-  FrameGoal(const R& robot, FrameId frame, std::optional<FrameId> reference,
-            const Pose<Scalar>& goal, const std::string& name, On on,
-            const GoalPart<Scalar>& linear, const GoalPart<Scalar>& angular, Scalar gain)
+  [[gnu::cold]] FrameGoal(const R& robot, FrameId frame, std::optional<FrameId> reference,
+                          const Pose<Scalar>& goal, const std::string& name, On on,
+                          const GoalPart<Scalar>& linear, const GoalPart<Scalar>& angular,
+                          Scalar gain)
       : ReactiveTask<R>(robot, name, linear.rows() + angular.rows(), gain),
         on_(on),
         linear_(linear),
@@ -252,10 +253,10 @@ class FramePose : public detail::FrameGoal<R> {
 
   /// `goal` in the reference.
   /// @throws std::invalid_argument on settings out of range. Allocates.
-  FramePose(const R& robot, FrameId frame, const Pose<Scalar>& goal)
+  [[gnu::cold]] FramePose(const R& robot, FrameId frame, const Pose<Scalar>& goal)
       : FramePose(robot, frame, goal, Options{}) {}
   /// The same with options.
-  FramePose(const R& robot, FrameId frame, const Pose<Scalar>& goal, Options options)
+  [[gnu::cold]] FramePose(const R& robot, FrameId frame, const Pose<Scalar>& goal, Options options)
       : detail::FrameGoal<R>(
             robot, frame, options.relative_to, goal, options.name, options.on,
             {options.linear, options.max_linear_rate,
@@ -304,10 +305,11 @@ class FramePosition : public detail::FrameGoal<R> {
 
   /// `goal` in the reference, m.
   /// @throws std::invalid_argument on settings out of range. Allocates.
-  FramePosition(const R& robot, FrameId frame, const Vector3<Scalar>& goal)
+  [[gnu::cold]] FramePosition(const R& robot, FrameId frame, const Vector3<Scalar>& goal)
       : FramePosition(robot, frame, goal, Options{}) {}
   /// The same with options.
-  FramePosition(const R& robot, FrameId frame, const Vector3<Scalar>& goal, Options options)
+  [[gnu::cold]] FramePosition(const R& robot, FrameId frame, const Vector3<Scalar>& goal,
+                              Options options)
       : detail::FrameGoal<R>(robot, frame, options.relative_to, at(goal), options.name, options.on,
                              {options.axes, options.max_rate, options.norm},
                              {no_axes, infinity<Scalar>, std::nullopt}, options.gain) {}
@@ -353,10 +355,11 @@ class FrameOrientation : public detail::FrameGoal<R> {
 
   /// `goal`: the rotation from ⟨f⟩ to the reference that is wanted.
   /// @throws std::invalid_argument on settings out of range. Allocates.
-  FrameOrientation(const R& robot, FrameId frame, const Matrix3<Scalar>& goal)
+  [[gnu::cold]] FrameOrientation(const R& robot, FrameId frame, const Matrix3<Scalar>& goal)
       : FrameOrientation(robot, frame, goal, Options{}) {}
   /// The same with options.
-  FrameOrientation(const R& robot, FrameId frame, const Matrix3<Scalar>& goal, Options options)
+  [[gnu::cold]] FrameOrientation(const R& robot, FrameId frame, const Matrix3<Scalar>& goal,
+                                 Options options)
       : detail::FrameGoal<R>(robot, frame, options.relative_to, turned(goal), options.name,
                              options.on, {no_axes, infinity<Scalar>, std::nullopt},
                              {options.axes, options.max_rate, options.norm}, options.gain) {}
@@ -402,9 +405,10 @@ class FrameVelocity : public Task<R> {
 
   /// Starts with velocity 0.
   /// @throws std::invalid_argument without any axis. Allocates.
-  FrameVelocity(const R& robot, FrameId frame) : FrameVelocity(robot, frame, Options{}) {}
+  [[gnu::cold]] FrameVelocity(const R& robot, FrameId frame)
+      : FrameVelocity(robot, frame, Options{}) {}
   /// The same with options.
-  FrameVelocity(const R& robot, FrameId frame, Options options)
+  [[gnu::cold]] FrameVelocity(const R& robot, FrameId frame, Options options)
       : Task<R>(robot, options.name, options.linear.count() + options.angular.count()),
         options_(options),
         frame_(robot, frame, options.relative_to, options.name) {}

@@ -31,12 +31,12 @@ class FunctionTask : public ReactiveTask<R> {
   };
 
   /// @throws std::invalid_argument on settings out of range or an empty function. Allocates.
-  FunctionTask(const R& robot, const Objective<Scalar>& objective,
-               std::type_identity_t<Function> function)
+  [[gnu::cold]] FunctionTask(const R& robot, const Objective<Scalar>& objective,
+                             std::type_identity_t<Function> function)
       : FunctionTask(robot, objective, std::move(function), Options{}) {}
   /// The same with options.
-  FunctionTask(const R& robot, const Objective<Scalar>& objective,
-               std::type_identity_t<Function> function, Options options)
+  [[gnu::cold]] FunctionTask(const R& robot, const Objective<Scalar>& objective,
+                             std::type_identity_t<Function> function, Options options)
       : ReactiveTask<R>(robot, options.name, options.rows, options.gain),
         objective_(objective),
         function_(std::move(function)),

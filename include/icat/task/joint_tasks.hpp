@@ -57,14 +57,14 @@ class JointTask : public ReactiveTask<R> {
   using Scalar = typename R::Scalar;
 
  protected:
-  JointTask(const R& robot, const std::string& name, const std::vector<std::string>& joints,
-            bool one_row, Scalar gain)
+  [[gnu::cold]] JointTask(const R& robot, const std::string& name,
+                          const std::vector<std::string>& joints, bool one_row, Scalar gain)
       : ReactiveTask<R>(robot, name, count(robot, name, joints, one_row), gain),
         joints_(chosen(robot, name, joints)) {
     for (const Index i : joints_) columns_.push_back(info(i).column);
   }
   /// @throws std::invalid_argument on another number than one or one for each joint, or below 0.
-  void check(const char* what, const PerJoint<Scalar>& values) const {
+  [[gnu::cold]] void check(const char* what, const PerJoint<Scalar>& values) const {
     if (!values.for_all() && values.size() != joint_count()) {
       invalid("task '", this->name(), "': ", what, " has ", values.size(), " numbers for ",
               joint_count(), " joints");
@@ -92,14 +92,14 @@ class JointTask : public ReactiveTask<R> {
     return this->robot().joints()[static_cast<std::size_t>(i)];
   }
   // Before there is a task, so that the message has its name.
-  static Index count(const R& robot, const std::string& name,
-                     const std::vector<std::string>& joints, bool one) {
+  [[gnu::cold]] static Index count(const R& robot, const std::string& name,
+                                   const std::vector<std::string>& joints, bool one) {
     const auto indices = chosen(robot, name, joints);
     if (indices.empty()) invalid("task '", name, "': the robot has no joints");
     return one ? 1 : static_cast<Index>(indices.size());
   }
-  static std::vector<Index> chosen(const R& robot, const std::string& name,
-                                   const std::vector<std::string>& joints) {
+  [[gnu::cold]] static std::vector<Index> chosen(const R& robot, const std::string& name,
+                                                 const std::vector<std::string>& joints) {
     auto indices = joint_indices(robot, joints, "task '" + name + "'");
     for (std::size_t i = 0; joints.empty() && i < robot.joints().size(); ++i) {
       indices.push_back(static_cast<Index>(i));
@@ -135,10 +135,10 @@ class JointLimits : public detail::JointTask<R> {
 
   /// Of all joints, with a margin of 0.1.
   /// @throws std::invalid_argument on settings out of range. Allocates.
-  explicit JointLimits(const R& robot) : JointLimits(robot, Options{}) {}
+  [[gnu::cold]] explicit JointLimits(const R& robot) : JointLimits(robot, Options{}) {}
   /// @throws std::invalid_argument on settings out of range, or joints that there are not.
   /// Allocates.
-  JointLimits(const R& robot, Options options)
+  [[gnu::cold]] JointLimits(const R& robot, Options options)
       : detail::JointTask<R>(robot, options.name, options.joints, false, options.gain),
         max_rate_(options.max_rate) {
     this->check("margin", options.margin);
@@ -207,9 +207,10 @@ class JointPosition : public detail::JointTask<R> {
   /// `goal`: rad or m.
   /// @throws std::invalid_argument on settings out of range, or joints that there are not.
   /// Allocates.
-  JointPosition(const R& robot, const Positions& goal) : JointPosition(robot, goal, Options{}) {}
+  [[gnu::cold]] JointPosition(const R& robot, const Positions& goal)
+      : JointPosition(robot, goal, Options{}) {}
   /// The same with options.
-  JointPosition(const R& robot, const Positions& goal, Options options)
+  [[gnu::cold]] JointPosition(const R& robot, const Positions& goal, Options options)
       : detail::JointTask<R>(robot, options.name, options.joints, options.norm.has_value(),
                              options.gain),
         norm_(options.norm),

@@ -161,10 +161,11 @@ class Manipulability : public ScalarTask<R> {
   /// `at_least(0.08, 0.01)`.
   /// @throws std::invalid_argument on settings out of range, no joint that moves the frame, one of
   ///         `joints` that does not, or a mimic among those that do. Allocates.
-  Manipulability(const R& robot, FrameId frame, const Objective<Scalar>& objective)
+  [[gnu::cold]] Manipulability(const R& robot, FrameId frame, const Objective<Scalar>& objective)
       : Manipulability(robot, frame, objective, Options{}) {}
   /// The same with options.
-  Manipulability(const R& robot, FrameId frame, const Objective<Scalar>& objective, Options options)
+  [[gnu::cold]] Manipulability(const R& robot, FrameId frame, const Objective<Scalar>& objective,
+                               Options options)
       : ScalarTask<R>(robot, options.name, objective, options.gain, options.max_rate),
         frame_(frame),
         joints_(moving(robot, frame, {}, options.name)),

@@ -23,8 +23,8 @@ class RelativeFrame {
 
   /// Allocates for robots of a size known at run time only; nothing else does.
   /// @throws std::invalid_argument with the `task`'s name where a frame is its own reference.
-  RelativeFrame(const R& robot, FrameId frame, std::optional<FrameId> reference,
-                const std::string& task)
+  [[gnu::cold]] RelativeFrame(const R& robot, FrameId frame, std::optional<FrameId> reference,
+                              const std::string& task)
       : frame_(frame), reference_(reference), jacobian_(zeros<Jacobian>(6, robot.dof())) {
     if (reference && *reference == frame) {
       invalid("task '", task, "': a frame cannot be relative to itself");

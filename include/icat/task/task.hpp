@@ -58,7 +58,7 @@ class Task {
  protected:
   /// Rows are active, all else 0.
   /// @throws std::invalid_argument on less than one row.
-  Task(const R& robot, std::string name, Index rows)
+  [[gnu::cold]] Task(const R& robot, std::string name, Index rows)
       : robot_(robot), name_(std::move(name)), rows_(rows) {
     if (rows < 1) detail::invalid("task '", name_, "': needs a row at least, got ", rows);
     jacobian_ = detail::zeros<Jacobian>(rows, robot.dof());
@@ -121,7 +121,7 @@ class ReactiveTask : public Task<R> {
 
  protected:
   /// @throws std::invalid_argument unless γ is finite and > 0, or on less than one row.
-  ReactiveTask(const R& robot, std::string name, Index rows, Scalar gain)
+  [[gnu::cold]] ReactiveTask(const R& robot, std::string name, Index rows, Scalar gain)
       : Task<R>(robot, std::move(name), rows), gain_(gain) {
     if (!(gain > Scalar(0)) || !std::isfinite(gain)) {
       detail::invalid("task '", this->name(), "': gain must be finite and > 0, got ", gain);
@@ -162,8 +162,8 @@ class ScalarTask : public ReactiveTask<R> {
 
  protected:
   /// @throws std::invalid_argument unless γ is finite and > 0 and `max_rate` > 0.
-  ScalarTask(const R& robot, std::string name, const Objective<Scalar>& objective, Scalar gain,
-             Scalar max_rate)
+  [[gnu::cold]] ScalarTask(const R& robot, std::string name, const Objective<Scalar>& objective,
+                           Scalar gain, Scalar max_rate)
       : ReactiveTask<R>(robot, std::move(name), 1, gain),
         objective_(objective),
         max_rate_(max_rate) {
