@@ -119,6 +119,22 @@ TEST(JointLimits, OfAllJointsWithRatesOfTheirOwn) {
   EXPECT_EQ(limits.reference(), positions({0.5 * (0.9 - 3), 0, -2, 0}));
 }
 
+// The one reference point inside of [Coop, III-C, Remark]; a joint without limits has none.
+TEST(JointLimitsReference, IsTheMiddleWhereThePapersIs) {
+  icat::KinematicTree<double> robot(
+      {.joints = {{.name = "bent", .parent = "base", .link = "one", .lower = -1, .upper = 3},
+                  {.name = "free", .parent = "one", .link = "two"}}});
+  task::JointLimits<icat::KinematicTree<double>> near(robot, {.margin = 0.5}),
+      middle(robot, {.margin = 0.5, .to_middle = true, .gain = 2});
+  ASSERT_EQ(robot.update(Eigen::Vector2d(-0.9, 0.7)), icat::Status::ok);
+  near.update();
+  middle.update();
+  EXPECT_DOUBLE_EQ(near.reference()(0), 0.4);        // to −1 + 0.5
+  EXPECT_DOUBLE_EQ(middle.reference()(0), 2 * 1.9);  // to 1
+  EXPECT_EQ(middle.reference()(1), 0);
+  EXPECT_EQ(near.activation(), middle.activation());
+}
+
 // M2: a long rail parked at its end leaves the margin gently, instead of going for its middle.
 TEST(Cases, M2_ALongRailMovesOutOfTheMarginAndNoFurther) {
   Chain robot = chain({{JointType::prismatic, 0, 20}, {JointType::revolute, -2, 2}});

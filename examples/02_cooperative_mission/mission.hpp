@@ -102,7 +102,7 @@ class Side {
         plant(robot, {.q = posture(),
                       .base = start(side),
                       .current = variant.current ? sinusoidal_current : nullptr}),
-        joint_limits(robot, {.margin = limit_margin, .gain = 0.5}),
+        joint_limits(robot, {.margin = limit_margin, .to_middle = true, .gain = 0.5}),
         vehicle_distance(robot, robot.base(), start(-side).translation(),
                          Objective::at_least(minimum_distance, distance_margin), {.gain = 0.5}),
         manipulability(robot, tool,

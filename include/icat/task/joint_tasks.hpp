@@ -129,6 +129,9 @@ class JointLimits : public detail::JointTask<R> {
     /// β, rad or m. One for all is at most a quarter of each joint's range; one for each is taken
     /// as it is, and refused where there is no room.
     PerJoint<Scalar> margin = static_cast<Scalar>(0.1);
+    /// x* is the middle of a joint's range, one point inside as in [Coop, III-C, Remark]; otherwise
+    /// the near edge of the range of rest. The middle pulls harder, and on a rail by its length.
+    bool to_middle{false};
     Scalar gain{1};                                ///< γ, 1/s
     PerJoint<Scalar> max_rate = infinity<Scalar>;  ///< rad/s, m/s
   };
@@ -158,6 +161,10 @@ class JointLimits : public detail::JointTask<R> {
                         joint.name, "' no room in [", joint.lower, ", ", joint.upper, "]");
       }
       objectives_.push_back(Objective<Scalar>::between(joint.lower, joint.upper, margin));
+      const Scalar middle = (joint.lower + joint.upper) / Scalar(2);
+      if (options.to_middle && std::isfinite(middle)) {
+        objectives_.back() = objectives_.back().toward(middle);
+      }
       this->jacobian_(k, this->column(k)) = Scalar(1);
     }
   }
