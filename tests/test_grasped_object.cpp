@@ -210,6 +210,7 @@ TEST(Interaction, SqueezingDoesNotMoveAnything) {
             1e-9);
   EXPECT_LT((squeezed.object_velocity() - pair.object_velocity()).norm(), 1e-12);
   for (std::size_t i : {0u, 1u}) {
+    // The wrenches' rounding, some 1e-11, times dt ‖M⁻¹Jᵀ‖, which is 0.27.
     EXPECT_LT((squeezed.robot(i).velocity() - pair.robot(i).velocity()).norm(), 1e-11);
   }
 
