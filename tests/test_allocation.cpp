@@ -119,7 +119,6 @@ void cooperate(Robot& a, Robot& b, icat::FrameId hand, bool compensation) {
     icat::Agent<Robot> agent_b(b, actions_b, {{"carry", tool_b}}, options(1));
     icat::CentralizedController<Robot> central({{a, hand, actions_a}, {b, hand, actions_b}}, {});
     const auto still = icat::Vector<double, Robot::size>::Zero(a.dof()).eval();
-    const auto base = Eigen::VectorXd::Ones(a.base_columns().count).eval();
     icat::Status status = icat::Status::ok;
     const auto check = [&](icat::Status s) {
       if (status == icat::Status::ok) status = s;
@@ -139,16 +138,15 @@ void cooperate(Robot& a, Robot& b, icat::FrameId hand, bool compensation) {
                   check(agent_a.receive(1, k, agent_b.send(k)));
                   check(agent_b.receive(0, k, agent_a.send(k)));
                   check(agent_a.step(t, still));
-                  check(agent_b.step(t));
+                  check(agent_b.step(t, still));
                   if (compensation) {
                     check(agent_a.step_joint_law(t));
-                    volatile double keep = agent_a.joint_velocity(base)(0);
-                    (void)keep;
+                    check(agent_a.follow_joint_law(t, still));
                   }
                   check(central.step(t, 1));
                 }
                 check(agent_a.start("alone", 0));
-                check(agent_a.step(0.1));
+                check(agent_a.step(0.1, still));
               }),
               0);
     EXPECT_EQ(status, icat::Status::ok) << icat::describe(status);

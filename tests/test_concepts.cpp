@@ -359,16 +359,21 @@ TYPED_TEST(Archetypes, AMobileRobotIsCoordinatedInParallel) {
   EXPECT_TRUE(controller.velocity().allFinite());
   EXPECT_NEAR(controller.command()(2), 0.2, 1e-5);
   EXPECT_EQ(controller.step_joint_law(0), Status::ok);
-  EXPECT_EQ(controller.joint_velocity(measured).size(), 1);
+  EXPECT_EQ(controller.follow_joint_law(0, measured), Status::ok);
+  EXPECT_NEAR(controller.command()(2), 0.2, 1e-5);
 
   task::FramePose<R> tool(robot, robot.frame("tip"), icat::Pose<S>::Identity());
   icat::Agent<R> agent(robot, {{"alone", {{tool}}}, {"act", {{tool}}}}, {{"act", tool}},
                        {.compensation = true});
   ASSERT_EQ(agent.start("alone", 0), Status::ok);
   ASSERT_EQ(agent.propose(0), Status::ok);
-  ASSERT_EQ(agent.step(0), Status::ok);
+  typename icat::Agent<R>::Velocity all = icat::Agent<R>::Velocity::Zero(3);
+  all.template head<2>() = measured;
+  EXPECT_EQ(agent.step(0), Status::missing_velocity);
+  ASSERT_EQ(agent.step(0, all), Status::ok);
   ASSERT_EQ(agent.step_joint_law(0), Status::ok);
-  EXPECT_NEAR(agent.joint_velocity(measured)(0), 0.2, 1e-5);
+  ASSERT_EQ(agent.follow_joint_law(0, all), Status::ok);
+  EXPECT_NEAR(agent.velocity()(2), 0.2, 1e-5);
 }
 
 TYPED_TEST(Archetypes, AMassiveRobotMovesItsCentreOfMass) {

@@ -88,7 +88,8 @@ void check_both(const R& robot, icat::FrameId hand) {
   Reach<R> reach(robot, hand);
   const auto k = robot.base_columns().count;
   const Eigen::VectorXd measured = Eigen::VectorXd::LinSpaced(k, 0.08, -0.05), newer = 2 * measured;
-  icat::ParallelController<R> controller(robot, reach.actions()), apart(robot, reach.actions());
+  icat::ParallelController<R> controller(robot, reach.actions(), {.limits = icat::unlimited}),
+      apart(robot, reach.actions(), {.limits = icat::unlimited});
   for (auto* c : {&controller, &apart}) ASSERT_EQ(c->start("reach", 0), Status::ok);
   const icat::Columns base = robot.base_columns();
 
@@ -124,7 +125,8 @@ void check_both(const R& robot, icat::FrameId hand) {
   ASSERT_EQ(controller.step_joint_law(0.003), Status::ok);
   for (const double scale : {0.0, 1.0, 2.0, -3.0}) {
     const Eigen::VectorXd v = scale * measured;
-    const Eigen::VectorXd law = controller.joint_velocity(v);
+    ASSERT_EQ(controller.follow_joint_law(0.003, v), Status::ok);
+    const Eigen::VectorXd law = joints_of(robot, controller.velocity());
     EXPECT_LT((law - joints_of(robot, reach.solve(base, spread(robot, v)))).norm(), 1e-9) << scale;
   }
 }
@@ -158,8 +160,9 @@ TEST(ParallelController, ColumnsOfTheBaseFirst) {
 
     Reach<Tree> reach(tree, hand);
     Reach<Permuted> same(permuted, hand);
-    icat::ParallelController<Tree> controller(tree, reach.actions());
-    icat::ParallelController<Permuted> other(permuted, same.actions());
+    icat::ParallelController<Tree> controller(tree, reach.actions(), {.limits = icat::unlimited});
+    icat::ParallelController<Permuted> other(permuted, same.actions(),
+                                             {.limits = icat::unlimited});
     const Eigen::VectorXd measured = Eigen::VectorXd::LinSpaced(base.columns(), 0.08, -0.05);
     const auto both = [&](auto f) {
       EXPECT_EQ(f(controller), Status::ok);
@@ -170,7 +173,8 @@ TEST(ParallelController, ColumnsOfTheBaseFirst) {
     both([&](auto& c) { return c.step(0, measured); });
     EXPECT_LT((other.velocity() - permuted.permuted(controller.velocity())).norm(), 1e-10);
     both([&](auto& c) { return c.step_joint_law(0); });
-    EXPECT_LT((other.joint_velocity(measured) - controller.joint_velocity(measured)).norm(), 1e-9);
+    both([&](auto& c) { return c.follow_joint_law(0, measured); });
+    EXPECT_LT((other.velocity() - permuted.permuted(controller.velocity())).norm(), 1e-9);
   }
 }
 
@@ -197,7 +201,7 @@ class ParallelTest : public testing::Test {
 
 // The point of it: whatever the base really does, the tool moves as it is to.
 TEST_F(ParallelTest, JointsMakeUpForTheBase) {
-  Parallel controller(robot, reach.actions());
+  Parallel controller(robot, reach.actions(), {.limits = icat::unlimited});
   ASSERT_EQ(controller.start("reach", 0), Status::ok);
   Vector13d actual;
   for (const double scale : {0.0, 1.0, -1.0}) {
@@ -205,7 +209,8 @@ TEST_F(ParallelTest, JointsMakeUpForTheBase) {
     actual << controller.velocity().head<7>(), scale * measured;
     EXPECT_LT((reach.tool.jacobian() * actual - reach.tool.reference()).norm(), 1e-9) << scale;
     ASSERT_EQ(controller.step_joint_law(0), Status::ok);
-    actual.head<7>() = controller.joint_velocity(scale * measured);
+    ASSERT_EQ(controller.follow_joint_law(0, scale * measured), Status::ok);
+    actual.head<7>() = controller.velocity().head<7>();
     EXPECT_LT((reach.tool.jacobian() * actual - reach.tool.reference()).norm(), 1e-9) << scale;
   }
 }
@@ -213,7 +218,8 @@ TEST_F(ParallelTest, JointsMakeUpForTheBase) {
 TEST_F(ParallelTest, GivenColumnsOfTheBase) {
   // Roll and pitch: TPIK 1 knows of them, TPIK 2 takes all six as measured anyway.
   const icat::Columns given = icat::ColumnRange{10, 2};
-  Parallel controller(robot, reach.actions(), {.given = given}), later(robot, reach.actions());
+  Parallel controller(robot, reach.actions(), {.given = given, .limits = icat::unlimited}),
+      later(robot, reach.actions(), {.limits = icat::unlimited});
   for (auto* c : {&controller, &later}) ASSERT_EQ(c->start("reach", 0), Status::ok);
   ASSERT_EQ(controller.step(0, measured), Status::ok);
   const Eigen::VectorXd all = spread(robot, measured);
@@ -238,8 +244,10 @@ TEST_F(ParallelTest, GivenColumnsOfTheBase) {
 }
 
 TEST_F(ParallelTest, AGivenJointStandsStillInBothAndInTheLaw) {
-  const Parallel::Options at_construction{.given = icat::joint_columns(robot, {"joint3"})};
-  Parallel controller(robot, reach.actions(), at_construction), later(robot, reach.actions());
+  const Parallel::Options at_construction{.given = icat::joint_columns(robot, {"joint3"}),
+                                          .limits = icat::unlimited};
+  Parallel controller(robot, reach.actions(), at_construction),
+      later(robot, reach.actions(), {.limits = icat::unlimited});
   for (auto* c : {&controller, &later}) ASSERT_EQ(c->start("reach", 0), Status::ok);
   ASSERT_EQ(later.set_given("joint3", true), Status::ok);
   const icat::Columns base_and_joint({2, 7, 8, 9, 10, 11, 12});
@@ -253,8 +261,10 @@ TEST_F(ParallelTest, AGivenJointStandsStillInBothAndInTheLaw) {
         (c->velocity().tail<6>() - reach.solve(icat::ColumnRange{2, 1}, all).tail<6>()).norm(),
         1e-10);
     ASSERT_EQ(c->step_joint_law(0), Status::ok);
-    EXPECT_EQ(c->joint_velocity(measured)(2), 0);
-    EXPECT_LT((c->joint_velocity(measured) - c->velocity().head<7>()).norm(), 1e-9);
+    const Vector13d solved = c->velocity();
+    ASSERT_EQ(c->follow_joint_law(0, measured), Status::ok);
+    EXPECT_EQ(c->velocity()(2), 0);
+    EXPECT_LT((c->velocity() - solved).norm(), 1e-9);
   }
   ASSERT_EQ(later.set_given("joint3", false), Status::ok);
   ASSERT_EQ(later.step(0, measured), Status::ok);
@@ -266,7 +276,10 @@ TEST_F(ParallelTest, BoundsHoldInBothAndInTheLaw) {
   Vector13d upper = Vector13d::Constant(0.04);
   upper(1) = 0.02;
   options.solver.bounds = {-upper, upper};
-  Parallel bounded(robot, reach.actions(), options), free(robot, reach.actions());
+  options.limits = icat::unlimited;
+  Parallel bounded(robot, reach.actions(), options),
+      free(robot, reach.actions(), {.limits = icat::unlimited});
+  double t = 0;
   bool active = false, inactive = false;
   for (auto* c : {&bounded, &free}) ASSERT_EQ(c->start("reach", 0), Status::ok);
   for (const auto& s : testing_support::all_states<double>(20, 32)) {
@@ -275,12 +288,14 @@ TEST_F(ParallelTest, BoundsHoldInBothAndInTheLaw) {
     // There already, or not.
     ASSERT_EQ(reach.tool.set_goal(moved(robot.pose(reach.hand), s.q(0) > 0 ? 0.3 : 0, 0, 0)),
               Status::ok);
-    ASSERT_EQ(bounded.step(0, measured), Status::ok);
+    t += 0.01;
+    ASSERT_EQ(bounded.step(t, measured), Status::ok);
     EXPECT_LE((bounded.velocity().cwiseAbs() - upper).maxCoeff(), 0);
-    for (auto* c : {&bounded, &free}) ASSERT_EQ(c->step_joint_law(0), Status::ok);
+    for (auto* c : {&bounded, &free}) ASSERT_EQ(c->step_joint_law(t), Status::ok);
     for (const double scale : {1.0, 0.01, -5.0}) {
       const Vector6d v = scale * measured;
-      const Vector7d wanted = free.joint_velocity(v), law = bounded.joint_velocity(v);
+      for (auto* c : {&bounded, &free}) ASSERT_EQ(c->follow_joint_law(t, v), Status::ok);
+      const Vector7d wanted = free.velocity().head<7>(), law = bounded.velocity().head<7>();
       EXPECT_LE((law.cwiseAbs() - upper.head<7>()).maxCoeff(), 0);
       // Scaled as a whole, no more than needed.
       const double over = (wanted.cwiseAbs().array() / upper.head<7>().array()).maxCoeff();
@@ -298,7 +313,7 @@ TEST_F(ParallelTest, BadInputLeavesASafeVelocity) {
   EXPECT_EQ(controller.step_base(0, measured), Status::not_started);
   EXPECT_EQ(controller.step_joints(0, measured), Status::not_started);
   EXPECT_EQ(controller.step_joint_law(0), Status::not_started);
-  EXPECT_EQ(controller.joint_velocity(measured), Vector7d::Zero());
+  EXPECT_EQ(controller.follow_joint_law(0, measured), Status::not_started);
   EXPECT_EQ(controller.start("nowhere", 0), Status::unknown_action);
   EXPECT_EQ(controller.switch_to("nowhere", 0, 1), Status::unknown_action);
   EXPECT_EQ(controller.action(), "");
@@ -309,30 +324,63 @@ TEST_F(ParallelTest, BadInputLeavesASafeVelocity) {
   const auto unchanged = [&] {
     return controller.velocity() == before && controller.command() == command;
   };
-  EXPECT_EQ(controller.step(0.5, measured), Status::time_reversed);
-  EXPECT_EQ(controller.step_base(0.5, measured), Status::time_reversed);
   EXPECT_EQ(controller.step_joints(NAN, measured), Status::non_finite);
-  EXPECT_EQ(controller.step_joint_law(0.5), Status::time_reversed);
-  const Eigen::VectorXd wrong = Eigen::VectorXd::Zero(13);
+  EXPECT_EQ(controller.step_joint_law(NAN), Status::non_finite);
+  const Eigen::VectorXd wrong = Eigen::VectorXd::Zero(12);
   EXPECT_EQ(controller.step(1, wrong), Status::wrong_size);
   EXPECT_EQ(controller.step_base(1, wrong), Status::wrong_size);
   EXPECT_EQ(controller.step_joints(1, wrong), Status::wrong_size);
-  EXPECT_TRUE(unchanged());
   ASSERT_EQ(controller.step_joint_law(1), Status::ok);
-  EXPECT_EQ(controller.joint_velocity(wrong), Vector7d::Zero());
+  EXPECT_EQ(controller.follow_joint_law(1, wrong), Status::wrong_size);
+  EXPECT_TRUE(unchanged());
 
-  // NaN stops the joints; the base, where what is measured badly is given to it.
+  // NaN that lasts stops both.
   Vector6d bad = measured;
   bad(0) = NAN;
-  EXPECT_EQ(controller.step(1, bad), Status::non_finite);
-  EXPECT_EQ(controller.velocity().head<7>(), Vector7d::Zero());
-  EXPECT_EQ(controller.velocity().tail<6>(), before.tail<6>());
-  EXPECT_EQ(controller.joint_velocity(bad), Vector7d::Zero());
-  bad(3) = NAN;
-  EXPECT_EQ(controller.step(1, bad), Status::non_finite);
-  EXPECT_EQ(controller.velocity(), Vector13d::Zero());
-  ASSERT_EQ(controller.step(1, measured), Status::ok);
+  for (int k = 1; k <= 100; ++k) {
+    EXPECT_EQ(controller.step(1 + 0.01 * k, bad), Status::non_finite);
+    EXPECT_TRUE(controller.velocity().allFinite());
+  }
+  EXPECT_EQ(controller.command(), Vector13d::Zero());
+  for (int k = 101; k <= 200; ++k) {
+    ASSERT_EQ(controller.step(1 + 0.01 * k, measured), Status::ok);
+  }
   EXPECT_TRUE(unchanged());
+}
+
+// Each layer judges on its own.
+TEST_F(ParallelTest, StaleInputStopsTheLayerThatGetsIt) {
+  Parallel controller(robot, reach.actions());
+  ASSERT_EQ(controller.start("reach", 0), Status::ok);
+  ASSERT_EQ(controller.step(0, measured), Status::ok);
+  const Vector13d before = controller.command();
+  ASSERT_GT(before.head<7>().norm(), 0.01);
+  ASSERT_GT(before.tail<6>().norm(), 0.01);
+  double t = 0;
+  const auto run = [&](double base_age, double joints_age, Status base, Status joints) {
+    for (int k = 0; k < 100; ++k) {
+      t += 0.01;
+      EXPECT_EQ(controller.step_base(t, measured, {.velocity = base_age}), base);
+      EXPECT_EQ(controller.step_joints(t, measured, {.velocity = joints_age}), joints);
+    }
+  };
+  run(0.05, 0.2, Status::ok, Status::stale_velocity);
+  EXPECT_EQ(controller.command().head<7>(), Vector7d::Zero());
+  EXPECT_EQ(controller.command().tail<6>(), before.tail<6>());
+  run(0.2, 0.05, Status::stale_velocity, Status::ok);
+  EXPECT_EQ(controller.command().tail<6>(), Vector6d::Zero());
+  EXPECT_EQ(controller.command().head<7>(), before.head<7>());
+  // The law: it is as old as its state, and NaN is too old.
+  ASSERT_EQ(controller.step_joint_law(t), Status::ok);
+  EXPECT_EQ(controller.follow_joint_law(t + 0.05, measured), Status::ok);
+  EXPECT_EQ(controller.follow_joint_law(t + 0.05, measured, {.state = 0.06}),
+            Status::stale_state);
+  EXPECT_EQ(controller.follow_joint_law(t + 0.05, measured, {.velocity = NAN}),
+            Status::stale_velocity);
+  for (int k = 12; k < 100; ++k) {
+    EXPECT_EQ(controller.follow_joint_law(t + 0.01 * k, measured), Status::stale_state);
+  }
+  EXPECT_EQ(controller.command().head<7>(), Vector7d::Zero());
 }
 
 TEST_F(ParallelTest, SwitchesOnceForBoth) {
@@ -358,21 +406,15 @@ TEST_F(ParallelTest, AutoKeepsTheVelocityOfItsCycle) {
   Parallel controller(robot, reach.actions());
   ASSERT_EQ(controller.start("reach", 0), Status::ok);
   ASSERT_EQ(controller.step(0, measured), Status::ok);
-  ASSERT_EQ(controller.step_joint_law(0), Status::ok);
   auto velocity = controller.velocity();
   auto command = controller.command();
-  auto joints = controller.joint_velocity(measured);
   static_assert(std::is_same_v<decltype(velocity), Vector13d>);
   static_assert(std::is_same_v<decltype(command), Vector13d>);
-  static_assert(std::is_same_v<decltype(joints), Eigen::VectorXd>);
   const Vector13d copy = velocity;
-  const Eigen::VectorXd copy_joints = joints;
   ASSERT_EQ(controller.step(0, 2 * measured), Status::ok);
-  EXPECT_GT((controller.joint_velocity(2 * measured) - joints).norm(), 1e-3);
   EXPECT_GT((controller.velocity() - velocity).norm(), 1e-3);
   EXPECT_EQ(velocity, copy);
   EXPECT_EQ(command, copy);
-  EXPECT_EQ(joints, copy_joints);
 }
 static_assert(!std::is_constructible_v<Parallel, Robot, std::vector<icat::Action<Robot>>>);
 
@@ -402,8 +444,7 @@ TEST_F(ParallelTest, DoesNotAllocate) {
                   if (status == Status::ok) status = controller.step_base(t, measured);
                   if (status == Status::ok) status = controller.step_joints(t, measured);
                   if (status == Status::ok) status = controller.step_joint_law(t);
-                  volatile double keep = controller.joint_velocity(measured)(0);
-                  (void)keep;
+                  if (status == Status::ok) status = controller.follow_joint_law(t, measured);
                 }
               }),
               0);

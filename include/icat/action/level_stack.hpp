@@ -7,6 +7,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <span>
 #include <string>
@@ -15,6 +16,7 @@
 
 #include "icat/action/transition.hpp"
 #include "icat/action/unified_hierarchy.hpp"
+#include "icat/core/step_clock.hpp"
 
 namespace icat {
 
@@ -36,10 +38,12 @@ class LevelStack {
   using RobotLevel = Level<Scalar, R::size>;
 
   /// Computes the unified hierarchy of `actions`. `robot` and the tasks must outlive this object.
-  /// @throws std::invalid_argument on bad actions (see `unified_hierarchy`), or a task that belongs
-  ///         to another robot.
-  [[gnu::cold]] LevelStack(const R& robot, const std::vector<Action<R>>& actions)
+  /// `max_step`: of the clock, s.
+  /// @throws std::invalid_argument on bad actions (see `unified_hierarchy`), a task that belongs to
+  ///         another robot, or a bad `max_step`.
+  [[gnu::cold]] LevelStack(const R& robot, const std::vector<Action<R>>& actions, double max_step)
       : robot_(robot),
+        clock_(max_step),
         hierarchy_(unified_hierarchy(checked(robot, actions))),
         transition_(count_entries()),
         targets_(transition_.count()) {
@@ -62,28 +66,36 @@ class LevelStack {
   Status start(std::string_view action, double time) noexcept {
     const std::size_t index = find(action);
     if (index == names_.size()) return Status::unknown_action;
-    set_targets(index);
-    const Status status = transition_.set(targets_, time);
-    if (status == Status::ok) action_ = index;
-    return status;
+    if (const Status status = clock_.advance(time); status != Status::ok) return status;
+    enter(index);
+    return Status::ok;
   }
-  /// Moves to `action` over `duration` seconds, from the activations as they are now (all 0 before
-  /// the first action); also in the middle of another transition, also back. To the action that
-  /// runs or is being entered: nothing changes, so it may be said in every cycle. A refusal changes
-  /// nothing.
+  /// Moves to `action` over `duration` seconds, from the activations as they are now; also in the
+  /// middle of another transition, also back. To the action that runs or is being entered: nothing
+  /// changes, so it may be said in every cycle. As the first action it is entered at once, so that
+  /// its priorities hold; whoever commands fades the command in. A refusal changes nothing.
   Status switch_to(std::string_view action, double time, double duration) noexcept {
     const std::size_t index = find(action);
     if (index == names_.size()) return Status::unknown_action;
-    if (index == action_) return transition_.check(time, duration);
+    if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
+    if (const Status status = clock_.advance(time); status != Status::ok) return status;
+    if (action_ == none) enter(index);
+    if (index == action_) return Status::ok;
     set_targets(index);
-    const Status status = transition_.start(targets_, time, duration);
-    if (status == Status::ok) action_ = index;
-    return status;
+    action_ = index;
+    return transition_.start(targets_, clock_.elapsed(), duration);
   }
+  /// A stamp without a cycle.
+  Status tick(double time) noexcept { return clock_.advance(time); }
   /// Phase activations at `time`, tasks at the robot's state, rows stacked into `levels`.
   Status update(double time) noexcept {
+    const Status status = clock_.advance(time);
+    return status == Status::ok ? refresh() : status;
+  }
+  /// The same at the last stamp.
+  Status refresh() noexcept {
     if (action_ == none) return Status::not_started;
-    if (const Status status = transition_.update(time); status != Status::ok) return status;
+    (void)transition_.update(clock_.elapsed());
     for (Task<R>* task : tasks_) {
       if (wanted(task)) task->update();
     }
@@ -98,6 +110,8 @@ class LevelStack {
     return Status::ok;
   }
 
+  /// What the stamps given so far amount to.
+  const StepClock& clock() const noexcept { return clock_; }
   /// The robot it was built for.
   const R& robot() const noexcept { return robot_; }
   /// Name of the action that runs or is being entered; empty before `start`.
@@ -171,6 +185,11 @@ class LevelStack {
     return static_cast<std::size_t>(std::find(names_.begin(), names_.end(), action) -
                                     names_.begin());
   }
+  void enter(std::size_t action) noexcept {
+    set_targets(action);
+    (void)transition_.set(targets_, clock_.elapsed());
+    action_ = action;
+  }
   void set_targets(std::size_t action) noexcept {
     std::size_t i = 0;
     for (const auto& level : hierarchy_) {
@@ -179,6 +198,7 @@ class LevelStack {
   }
 
   const R& robot_;
+  StepClock clock_;
   UnifiedHierarchy<R> hierarchy_;
   Transition transition_;
   std::vector<double> targets_;

@@ -47,12 +47,10 @@ class BaseCompensation {
     Index rows = 0;
     for (const auto& level : levels) rows = std::max(rows, level.jacobian.rows());
     split_.resize(rows, joint_velocity_.size() + 6);
-    if (!options.bounds) return;
-    bounds_.emplace();
-    bounds_->lower = bounds_->upper = joint_velocity_;
+    bounds_.lower = bounds_.upper = joint_velocity_;
     for (std::size_t k = 0; k < columns_.size(); ++k) {
-      bounds_->lower(static_cast<Index>(k)) = options.bounds->lower(columns_[k]);
-      bounds_->upper(static_cast<Index>(k)) = options.bounds->upper(columns_[k]);
+      bounds_.lower(static_cast<Index>(k)) = options.bounds.lower_of(columns_[k]);
+      bounds_.upper(static_cast<Index>(k)) = options.bounds.upper_of(columns_[k]);
     }
   }
 
@@ -61,9 +59,7 @@ class BaseCompensation {
     if (!in_base(column)) tpik_.set_given(column, given);
   }
   /// Whether column `column` is the base's.
-  bool in_base(Index column) const noexcept {
-    return column >= base_.first && column < base_.first + base_.count;
-  }
+  bool in_base(Index column) const noexcept { return base_.holds(column); }
 
   /// TPIK 2 on `levels` for the velocity `measured`, n, of which the base's and the given columns
   /// count. One that is needed and not finite: zero velocity.
@@ -71,6 +67,10 @@ class BaseCompensation {
     if (measured.size() != tpik_.measured().size()) return Status::wrong_size;
     for (Index c = 0; c < measured.size(); ++c) tpik_.measured()(c) = measured(c);
     return tpik_.solve(levels);
+  }
+  /// Bounds of `solve` from now on, n, within those of the options.
+  Status set_bounds(const VelocityBounds<Scalar, R::size>& bounds) noexcept {
+    return tpik_.set_bounds(bounds);
   }
   /// ẏ of the last `solve`; the base's columns hold what was measured.
   const Velocity& velocity() const noexcept { return tpik_.solver().velocity(); }
@@ -115,14 +115,20 @@ class BaseCompensation {
       if (tpik_.is_given(columns_[static_cast<std::size_t>(i)])) wanted_(i) = Scalar(0);
     }
     if (!detail::all_finite(wanted_)) return joint_velocity_;
-    if (!bounds_) {
-      std::copy_n(wanted_.data(), wanted_.size(), joint_velocity_.data());
-      return joint_velocity_;
-    }
     const Index n = wanted_.size();
-    const Scalar scale = bounds_->scale(n, joint_velocity_.data(), wanted_.data());
-    bounds_->advance(n, joint_velocity_.data(), wanted_.data(), scale);
+    const Scalar scale = bounds_.scale(n, joint_velocity_.data(), wanted_.data());
+    bounds_.advance(n, joint_velocity_.data(), wanted_.data(), scale);
     return joint_velocity_;
+  }
+  /// The same into the columns of `velocity`, n, that are not the base's; of `measured`, n, the
+  /// base's count.
+  void follow_law(const Velocity& measured, Velocity& velocity) noexcept {
+    Eigen::Matrix<Scalar, Eigen::Dynamic, 1, 0, 6, 1> v(base_.count);
+    for (Index j = 0; j < base_.count; ++j) v(j) = measured(base_.first + j);
+    (void)joint_velocity(v);
+    for (std::size_t k = 0; k < columns_.size(); ++k) {
+      velocity(columns_[k]) = joint_velocity_(static_cast<Index>(k));
+    }
   }
 
  private:
@@ -141,7 +147,7 @@ class BaseCompensation {
   ColumnRange base_;
   std::vector<Index> columns_;  // those that are not the base's
   Law law_;
-  std::optional<VelocityBounds<Scalar, Eigen::Dynamic>> bounds_;
+  VelocityBounds<Scalar, Eigen::Dynamic> bounds_;
   JointVelocity joint_velocity_, wanted_;
   Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> split_;
 };

@@ -26,26 +26,49 @@ class GivenTpik {
       : solver_(make<Solver>(robot.dof(), options)),
         measured_(zeros<Velocity>(robot.dof())),
         rho0_(measured_),
-        free_(identity<typename Solver::SquareN>(robot.dof())) {
+        start_(identity<typename Solver::SquareN>(robot.dof())),
+        given_(static_cast<std::size_t>(robot.dof()), 0),
+        fixed_(options.bounds) {
+    bounds_.lower = bounds_.upper = measured_;
     check_columns("the given columns", given, robot.dof());
     for (const Index c : given) set_given(c, true);
   }
 
   void set_given(Index column, bool given) noexcept {
-    free_(column, column) = given ? Scalar(0) : Scalar(1);
-    any_ = false;
-    for (Index c = 0; c < free_.cols(); ++c) any_ = any_ || is_given(c);
+    given_[static_cast<std::size_t>(column)] = given ? 1 : 0;
+    any_ = std::find(given_.begin(), given_.end(), 1) != given_.end();
   }
-  bool is_given(Index column) const noexcept { return free_(column, column) == Scalar(0); }
+  bool is_given(Index column) const noexcept {
+    return given_[static_cast<std::size_t>(column)] != 0;
+  }
+
+  bool any_given() const noexcept { return any_; }
+  /// Bounds from now on, within those of the options.
+  Status set_bounds(const VelocityBounds<Scalar, R::size>& bounds) noexcept {
+    for (Index c = 0; c < rho0_.size(); ++c) {
+      bounds_.lower(c) = std::max(bounds.lower_of(c), fixed_.lower_of(c));
+      bounds_.upper(c) = std::min(bounds.upper_of(c), fixed_.upper_of(c));
+    }
+    return solver_.set_bounds(bounds_);
+  }
 
   /// What is measured; the given columns of it count. Set before `solve`.
   Velocity& measured() noexcept { return measured_; }
   /// The hierarchy for the velocity measured. On bad input as `Tpik`.
   Status solve(std::span<const Level<Scalar, R::size>> levels) noexcept {
+    return solve(levels, ColumnRange{}, measured_);
+  }
+  /// The same where the columns `moving` move as in `as`.
+  [[gnu::noinline]] Status solve(std::span<const Level<Scalar, R::size>> levels, ColumnRange moving,
+                                 const Velocity& as) noexcept {
     Status status = Status::ok;
-    if (any_) {
-      for (Index c = 0; c < rho0_.size(); ++c) rho0_(c) = is_given(c) ? measured_(c) : Scalar(0);
-      status = solver_.reset(rho0_, free_);
+    if (any_ || moving.count > 0) {
+      for (Index c = 0; c < rho0_.size(); ++c) {
+        const bool moves = moving.holds(c);
+        rho0_(c) = is_given(c) ? measured_(c) : moves ? as(c) : Scalar(0);
+        start_(c, c) = is_given(c) || moves ? Scalar(0) : Scalar(1);
+      }
+      status = solver_.reset(rho0_, start_);
     } else {
       solver_.reset();
     }
@@ -70,7 +93,9 @@ class GivenTpik {
  private:
   Solver solver_;
   Velocity measured_, rho0_;
-  typename Solver::SquareN free_;
+  typename Solver::SquareN start_;  // diagonal
+  std::vector<char> given_;
+  VelocityBounds<Scalar, R::size> fixed_, bounds_;
   bool any_{false};
 };
 

@@ -12,20 +12,19 @@
 namespace icat {
 
 /// See the file comment. As `Controller` in everything else; a measured velocity of the base is an
-/// argument of every step, one number for each of its columns, on the base.
+/// argument of every step. Each layer, the base's and the joints', has its own period, limits, and
+/// judgement of late and bad input.
 template <MobileRobot R, class Regularization = BellRegularization<typename R::Scalar>>
 class ParallelController {
  public:
   /// Scalar type.
   using Scalar = typename R::Scalar;
-  /// TPIK 1.
-  using BaseController = Controller<R, Regularization>;
+  /// What solves TPIK 1.
+  using Actions = ActionSolver<R, Regularization>;
   /// ẏ, n.
-  using Velocity = typename BaseController::Velocity;
-  /// Of the columns that are not the base's, in their order.
-  using JointVelocity = typename BaseCompensation<R, Regularization>::JointVelocity;
-  /// Settings, with defaults; a given joint counts as standing still.
-  using Options = typename BaseController::Options;
+  using Velocity = typename Actions::Velocity;
+  /// Settings, with defaults.
+  using Options = typename Controller<R, Regularization>::Options;
 
   /// As `Controller`.
   /// @throws std::invalid_argument as `Controller`, or on a robot without joints.
@@ -34,25 +33,54 @@ class ParallelController {
   /// The same with options.
   [[gnu::cold]] ParallelController(const R& robot, const std::vector<Action<R>>& actions,
                                    Options options)
-      : first_(robot, actions, options),
+      : first_(robot, actions, options.given, options.solver, options.time.max_step),
         second_(robot, options.solver, options.given, first_.levels()),
+        limits_(options.limits.of(robot)),
+        base_(robot.dof(), options.time),
+        joints_(robot.dof(), options.time),
+        hold_(options.time.hold),
         measured_(detail::zeros<Velocity>(robot.dof())),
-        velocity_(measured_),
-        command_(measured_) {}
+        velocity_(measured_) {
+    for (const Index c : options.given) limits_.set_given(c, true);
+  }
   ParallelController(R&&, const std::vector<Action<R>>&) = delete;
   ParallelController(R&&, const std::vector<Action<R>>&, Options) = delete;
 
   /// As `Controller::start`.
-  Status start(std::string_view action, double time) noexcept { return first_.start(action, time); }
+  Status start(std::string_view action, double time) noexcept {
+    const Status status = first_.start(action, time);
+    if (status != Status::ok) return status;
+    base_.ramp.start();
+    joints_.ramp.start();
+    return status;
+  }
   /// As `Controller::switch_to`.
   Status switch_to(std::string_view action, double time, double duration) noexcept {
-    return first_.switch_to(action, time, duration);
+    if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
+    const bool runs = base_.ramp.runs() || joints_.ramp.runs();
+    const Status status =
+        runs ? first_.switch_to(action, time, duration) : first_.start(action, time);
+    if (status != Status::ok) return status;
+    base_.ramp.resume(duration, limits_.command());
+    joints_.ramp.resume(duration, limits_.command());
+    return status;
+  }
+  /// As `Controller::stop`.
+  Status stop(double time, double duration) noexcept {
+    if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
+    const Status status = first_.tick(time);
+    if (status != Status::ok) return status;
+    base_.ramp.stop(duration, limits_.command());
+    joints_.ramp.stop(duration, limits_.command());
+    return status;
   }
   /// As `Controller::set_given`.
   Status set_given(Index column, bool given) noexcept {
-    const Status status = first_.set_given(column, given);
-    if (status == Status::ok) second_.set_given(column, given);
-    return status;
+    if (column < 0 || column >= velocity_.size()) return Status::unknown_joint;
+    if (first_.given(column) != given) limits_.set_given(column, given);
+    first_.set_given(column, given);
+    second_.set_given(column, given);
+    return Status::ok;
   }
   /// The column comes first.
   template <std::same_as<bool> B>
@@ -62,83 +90,156 @@ class ParallelController {
     return set_given(detail::column_of(first_.robot(), joint), given);
   }
 
-  /// Both, for the same state and measurement. Errors as in `Controller::step`.
+  /// Both layers, for the same state and measurement: one number for each column of the base, or,
+  /// as is needed where a joint is given, n, of which the base's and the given columns count. Bad
+  /// input as in `Controller::step`, for each layer on its own.
   template <class V>
-  Status step(double time, const Eigen::MatrixBase<V>& measured) noexcept {
-    Status status = prepare(time, measured);
-    if (status != Status::ok) return status;
-    status = solve_base();
-    const Status joints = solve_joints();
-    return status == Status::ok ? joints : status;
+  Status step(double time, const Eigen::MatrixBase<V>& measured, InputAge age = {}) noexcept {
+    const Status status = prepare(first_.update(time), measured, age);
+    if (status == Status::not_started) return status;
+    const Status base = run_base(status);
+    const Status joints = run_joints(status);
+    return base == Status::ok ? joints : base;
   }
   /// TPIK 1 alone, at the base's rate: new velocities of the base.
   template <class V>
-  Status step_base(double time, const Eigen::MatrixBase<V>& measured) noexcept {
-    const Status status = prepare(time, measured);
-    return status == Status::ok ? solve_base() : status;
+  Status step_base(double time, const Eigen::MatrixBase<V>& measured, InputAge age = {}) noexcept {
+    const Status status = prepare(first_.update(time), measured, age);
+    return status == Status::not_started ? status : run_base(status);
   }
   /// TPIK 2 alone, at the joints' rate: new velocities of the joints.
   template <class V>
-  Status step_joints(double time, const Eigen::MatrixBase<V>& measured) noexcept {
-    const Status status = prepare(time, measured);
-    return status == Status::ok ? solve_joints() : status;
+  Status step_joints(double time, const Eigen::MatrixBase<V>& measured,
+                     InputAge age = {}) noexcept {
+    const Status status = prepare(first_.update(time), measured, age);
+    return status == Status::not_started ? status : run_joints(status);
   }
-  /// The law of TPIK 2 for the present state: after it `joint_velocity(measured)` answers every new
-  /// measurement without solving.
+  /// The law of TPIK 2 for the present state, to be followed by `follow_joint_law`.
   Status step_joint_law(double time) noexcept {
-    const Status status = first_.update(time);
-    return status == Status::ok ? second_.solve_law(first_.levels()) : status;
+    Status status = first_.update(time);
+    if (status != Status::ok) return status;
+    status = second_.solve_law(first_.levels());
+    if (status == Status::ok) law_time_ = first_.clock().elapsed();
+    return status;
   }
-  /// q̇ of the last `step_joint_law`, see `BaseCompensation::joint_velocity`.
+  /// New velocities of the joints by the law, without solving: q̇ = ρ̃ + P v for a newer measurement.
+  /// The law is as old as its state.
   template <class V>
-  const JointVelocity& joint_velocity(const Eigen::MatrixBase<V>& measured) noexcept {
-    return second_.joint_velocity(measured);
+  Status follow_joint_law(double time, const Eigen::MatrixBase<V>& measured,
+                          InputAge age = {}) noexcept {
+    Status status = first_.tick(time);
+    if (law_time_ < 0) return Status::not_started;
+    age.state += first_.clock().elapsed() - law_time_;
+    status = prepare(status, measured, age);
+    const auto [step, usual] = begin(joints_);
+    limits_.update_joints(first_.robot(), step, usual);
+    if (status == Status::ok) second_.follow_law(measured_, joints_.answer);
+    finish(joints_, status, usual);
+    (void)limits_.limit_joints(joints_.ramp.wanted(joints_.answer));
+    take(false);
+    return status;
   }
 
   /// ẏ: the base's columns of TPIK 1, the others of TPIK 2. Given columns hold what was measured.
   const Velocity& velocity() const noexcept { return velocity_; }
   /// What goes to the back-end: ẏ with zeros in the given columns.
-  const Velocity& command() const noexcept { return command_; }
+  const Velocity& command() const noexcept { return limits_.command(); }
+  /// The boxes and the last command.
+  const MotionLimits<R>& limits() const noexcept { return limits_; }
 
-  /// TPIK 1: its actions, hierarchy, levels and report.
-  const BaseController& first() const noexcept { return first_; }
+  /// TPIK 1: its actions, hierarchy, levels, report, and clock.
+  const Actions& first() const noexcept { return first_; }
   /// TPIK 2: its report.
   const BaseCompensation<R, Regularization>& second() const noexcept { return second_; }
   /// Name of the action that runs or is being entered; empty before `start`.
   std::string_view action() const noexcept { return first_.action(); }
-  /// An action is being entered.
-  bool in_transition() const noexcept { return first_.in_transition(); }
+  /// An action is being entered, or a command fades in, out or back.
+  bool in_transition() const noexcept {
+    return first_.in_transition() || base_.ramp.share() < 1 || joints_.ramp.share() < 1;
+  }
 
  private:
+  struct Layer {
+    Layer(Index n, const TimeOptions& options)
+        : ramp(n, options), answer(detail::zeros<Velocity>(n)) {}
+    detail::CommandRamp<Scalar, R::size> ramp;
+    Velocity answer;
+    double last{0};
+  };
+  struct Period {
+    double step, usual;
+  };
+
+  // `status` of the clock and the tasks; then whether the inputs are there and are new.
   template <class V>
-  Status prepare(double time, const Eigen::MatrixBase<V>& measured) noexcept {
+  Status prepare(Status status, const Eigen::MatrixBase<V>& measured,
+                 const InputAge& age) noexcept {
+    if (status != Status::ok) return status;
+    if (first_.clock().stalled()) return Status::clock_stalled;
+    if (!(age.state <= hold_)) return Status::stale_state;
+    if (!(age.velocity <= hold_)) return Status::stale_velocity;
+    if (limits_.implausible_joint(first_.robot()) >= 0) return Status::implausible_position;
     const ColumnRange base = first_.robot().base_columns();
-    if (measured.size() != base.count) return Status::wrong_size;
-    for (Index j = 0; j < base.count; ++j) measured_(base.first + j) = measured(j);
-    return first_.update(time);
+    const bool all = measured.size() == measured_.size();
+    if (!all && measured.size() != base.count) return Status::wrong_size;
+    for (Index c = 0; c < measured_.size(); ++c) {
+      const bool in_base = second_.in_base(c);
+      if (!in_base && !first_.given(c)) continue;
+      const Scalar v = all ? measured(c) : in_base ? measured(c - base.first) : Scalar(0);
+      if (!std::isfinite(v)) return Status::non_finite;
+      measured_(c) = v;
+    }
+    return Status::ok;
   }
-  Status solve_base() noexcept {
-    const Status status = first_.solve(measured_);
-    take(true, first_.velocity());
+  Period begin(Layer& layer) noexcept {
+    const StepClock& clock = first_.clock();
+    const double step = clock.elapsed() - layer.last;
+    layer.last = clock.elapsed();
+    return {step, step > 0 ? step : clock.nominal()};
+  }
+  void finish(Layer& layer, Status status, double usual) noexcept {
+    layer.ramp.update(status, usual, limits_.command());
+  }
+  Status run_base(Status status) noexcept {
+    const auto [step, usual] = begin(base_);
+    limits_.update_base(step, usual);
+    if (status == Status::ok) {
+      (void)first_.set_bounds(limits_.bounds());
+      status = first_.solve(measured_);
+      base_.answer = first_.velocity();
+    }
+    finish(base_, status, usual);
+    (void)limits_.limit_base(base_.ramp.wanted(base_.answer));
+    take(true);
     return status;
   }
-  Status solve_joints() noexcept {
-    const Status status = second_.solve(first_.levels(), measured_);
-    take(false, second_.velocity());
+  Status run_joints(Status status) noexcept {
+    const auto [step, usual] = begin(joints_);
+    limits_.update_joints(first_.robot(), step, usual);
+    if (status == Status::ok) {
+      (void)second_.set_bounds(limits_.bounds());
+      status = second_.solve(first_.levels(), measured_);
+      joints_.answer = second_.velocity();
+    }
+    finish(joints_, status, usual);
+    (void)limits_.limit_joints(joints_.ramp.wanted(joints_.answer));
+    take(false);
     return status;
   }
-  // The base's columns, or the others, are those of `solution`.
-  void take(bool base, const Velocity& solution) noexcept {
+  // The base's columns, or the others, are new.
+  void take(bool base) noexcept {
     for (Index c = 0; c < velocity_.size(); ++c) {
       if (second_.in_base(c) != base) continue;
-      velocity_(c) = solution(c);
-      command_(c) = first_.given(c) ? Scalar(0) : solution(c);
+      velocity_(c) = first_.given(c) ? measured_(c) : limits_.command()(c);
     }
   }
 
-  BaseController first_;
+  Actions first_;
   BaseCompensation<R, Regularization> second_;
-  Velocity measured_, velocity_, command_;
+  MotionLimits<R> limits_;
+  Layer base_, joints_;
+  double hold_, law_time_{-1};
+  Velocity measured_, velocity_;
 };
 
 }  // namespace icat

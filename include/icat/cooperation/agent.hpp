@@ -12,9 +12,9 @@
 /// the other fades out. What the base of a `MobileRobot` does not track its joints may make up for,
 /// see control/base_compensation.hpp [Coop, IV-D].
 ///
-/// ẋ̂_t is what all agents command as long as each can: one whose velocity bounds do not let it
-/// moves its tool more slowly, and `second().report()` then shows a saturation scale below 1 on its
-/// first level. Give the tool tasks rates that leave room.
+/// Limits come before the agreement: an agent proposes what its own box of `MotionLimits` allows.
+/// Where the box still cuts what was agreed on, the tool moves otherwise than agreed: `cut` says by
+/// how much, and the next proposals are as slow. Give the tool tasks rates that leave room.
 #pragma once
 
 #include <algorithm>
@@ -64,14 +64,14 @@ class Agent {
  public:
   /// Scalar type.
   using Scalar = typename R::Scalar;
-  /// What runs either hierarchy.
-  using AgentController = Controller<R, Regularization>;
+  /// What solves either hierarchy.
+  using Actions = ActionSolver<R, Regularization>;
   /// ẏ, n.
-  using Velocity = typename AgentController::Velocity;
+  using Velocity = typename Actions::Velocity;
   /// Settings, with defaults.
   struct Options {
-    /// Of both hierarchies.
-    typename AgentController::Options controller{};
+    /// As of a controller: given columns, both hierarchies, limits, late and bad input.
+    typename Controller<R, Regularization>::Options controller{};
     /// The joints make up for what the base does not track; for a `MobileRobot` only.
     bool compensation{false};
     /// Of the exchange.
@@ -92,17 +92,22 @@ class Agent {
         agreed_velocity_(robot, tool_, {.name = "agreed velocity"}),
         agreement_(options.agreement),
         filter_(options.filter),
-        own_(robot, actions, options.controller),
-        second_(robot, with_agreement(actions, shared, agreed_velocity_), options.controller),
+        own_(robot, actions, options.controller.given, options.controller.solver,
+             options.controller.time.max_step),
+        second_(robot, with_agreement(actions, shared, agreed_velocity_), options.controller.given,
+                options.controller.solver, options.controller.time.max_step),
+        limits_(options.controller.limits.of(robot)),
+        ramp_(robot.dof(), options.controller.time),
+        hold_(options.controller.time.hold),
         measured_(detail::zeros<Velocity>(robot.dof())),
         velocity_(measured_),
-        command_(measured_),
+        allowed_(measured_),
+        answer_(measured_),
         sensitivity_(detail::GivenTpik<R, Regularization>::template make<Sensitivity>(
             robot.dof(), {options.controller.solver.regularization,
                           options.controller.solver.projection_weight})) {
+    for (const Index c : options.controller.given) limits_.set_given(c, true);
     if constexpr (MobileRobot<R>) {
-      no_velocity_ =
-          detail::zeros<Vector<Scalar, Eigen::Dynamic>>(robot.dof() - robot.base_columns().count);
       if (options.compensation) {
         compensation_.emplace(robot, options.controller.solver, options.controller.given,
                               second_.levels());
@@ -117,43 +122,39 @@ class Agent {
   Agent(const Agent&) = delete;
   Agent& operator=(const Agent&) = delete;
 
-  /// As `Controller::start`. A refusal changes nothing. At a time before the last one it starts
-  /// anew: what was agreed before counts as old.
+  /// As `Controller::start`. A refusal changes nothing.
   Status start(std::string_view action, double time) noexcept {
     const Status status = own_.start(action, time);
     if (status != Status::ok) return status;
-    if (time < last_time_) {
-      agreement_.restart(time);
-      last_time_ = -infinity<double>;
-    }
-    second_time_ = time;
+    ramp_.start();
     return second_.start(action, time);
   }
-  /// As `Controller::switch_to`. A refusal changes nothing.
+  /// As `Controller::switch_to`. A refusal changes nothing. In a fade from rest the tool follows
+  /// what is agreed on from the first cycle; what else the robot does fades in.
   Status switch_to(std::string_view action, double time, double duration) noexcept {
-    if (time < second_time_) return Status::time_reversed;
-    const Status status = own_.switch_to(action, time, duration);
-    return status == Status::ok ? second_.switch_to(action, time, duration) : status;
+    if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
+    const bool runs = ramp_.runs();
+    Status status = runs ? own_.switch_to(action, time, duration) : own_.start(action, time);
+    if (status != Status::ok) return status;
+    status = runs ? second_.switch_to(action, time, duration) : second_.start(action, time);
+    ramp_.resume(duration, command());
+    return status;
+  }
+  /// As `Controller::stop`; while the command goes to zero so do the proposals.
+  Status stop(double time, double duration) noexcept {
+    if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
+    Status status = own_.tick(time);
+    if (status == Status::ok) status = second_.tick(time);
+    if (status == Status::ok) ramp_.stop(duration, command());
+    return status;
   }
 
-  /// Step 1, given columns standing still. Errors as in `Controller::step`; on one the last
-  /// proposal is withdrawn: there is nothing to send until a better one comes.
-  Status propose(double time) noexcept { return propose(time, still_velocity()); }
+  /// Step 1; given columns as in `Controller::step`. Bad input as in `Controller::step`; on it the
+  /// last proposal is withdrawn: there is nothing to send until a better one comes.
+  Status propose(double time, InputAge age = {}) noexcept { return propose(time, nullptr, age); }
   /// The same with the velocity that is measured, n; its given columns count.
-  Status propose(double time, const Velocity& measured) noexcept {
-    const Status status = own_.step(time, measured);
-    if (status != Status::ok) {
-      agreement_.withdraw();
-      return status;
-    }
-    const auto& J = robot_.jacobian(tool_);
-    auto velocity = detail::zeros<Vector6<Scalar>>(6);
-    for (Index j = 0; j < robot_.dof(); ++j) {
-      for (Index i = 0; i < 6; ++i) velocity(i) += J(i, j) * own_.velocity()(j);
-    }
-    velocity = on_tool(velocity);
-    if (!agreement_.options().spans) return agreement_.propose(velocity, desired());
-    return agreement_.propose(velocity, desired(), span());
+  Status propose(double time, const Velocity& measured, InputAge age = {}) noexcept {
+    return propose(time, &measured, age);
   }
   /// Step 2, out: the proposal as bytes, see `Agreement::send`.
   std::span<const std::byte> send(long long round) noexcept { return agreement_.send(round); }
@@ -161,59 +162,56 @@ class Agent {
   Status receive(std::size_t sender, long long round, std::span<const std::byte> bytes) noexcept {
     return agreement_.receive(sender, round, bytes);
   }
-  /// Step 3, for the robot's state of `propose`, given columns and, where compensated, the base
-  /// standing still. Errors as in `Controller::step`.
-  Status step(double time) noexcept { return step(time, still_velocity()); }
+  /// Step 3, for the robot's state of `propose`, to be called in every cycle, whatever `propose`
+  /// answered; for robots without given columns or compensation. Bad input as in
+  /// `Controller::step`.
+  Status step(double time, InputAge age = {}) noexcept {
+    return step(time, nullptr, detail::zeros<Vector6<Scalar>>(6), age);
+  }
   /// The same with the velocity that is measured, n: its given columns count and, where
   /// compensated, those of the base. `correction` (components on ⟨t⟩) is added to ẋ̂_t, such as a
   /// small velocity along a measured interaction force [Coop, V-B].
   Status step(double time, const Velocity& measured,
-              const Vector6<Scalar>& correction = detail::zeros<Vector6<Scalar>>(6)) noexcept {
-    if (measured.size() != robot_.dof()) return Status::wrong_size;
-    if (!std::isfinite(time) || !detail::all_finite(correction)) return Status::non_finite;
-    if (time < last_time_) return Status::time_reversed;
-    const bool first = !std::isfinite(last_time_);
-    (void)filter_.update(agreement_.update(time),
-                         static_cast<Scalar>(first ? 0 : time - last_time_));
-    last_time_ = time;
-    Vector6<Scalar> commanded = filter_.value();
-    for (Index i = 0; i < 6; ++i) commanded(i) += correction(i);
-    (void)agreed_velocity_.set_velocity(commanded);
-    Status status = update_second(time);
-    if (status != Status::ok) return status;
-    // Alone and settled, both hierarchies are the same.
-    const bool same =
-        !(agreement_activation() > 0) && !own_.in_transition() && !second_.in_transition();
-    if (!same) status = second_.solve(measured);
-    take(same ? own_.velocity() : second_.velocity(), false);
-    if constexpr (MobileRobot<R>) {
-      if (compensation_) {
-        const Status joints = compensation_->solve(second_.levels(), measured);
-        take(compensation_->velocity(), true);
-        if (status == Status::ok) status = joints;
-      }
-    }
-    return status;
+              const Vector6<Scalar>& correction = detail::zeros<Vector6<Scalar>>(6),
+              InputAge age = {}) noexcept {
+    return step(time, &measured, correction, age);
   }
 
   /// The law of the compensation on the second hierarchy [Coop, IV-D], for a joint loop faster than
-  /// `step`: after it `joint_velocity(measured)` answers every new measurement of the base.
+  /// `step`, to be followed by `follow_joint_law`.
   Status step_joint_law(double time) noexcept requires MobileRobot<R> {
     if (!compensation_) return Status::not_started;
-    const Status status = update_second(time);
-    return status == Status::ok ? compensation_->solve_law(second_.levels()) : status;
+    Status status = second_.update(time);
+    if (status != Status::ok) return status;
+    status = compensation_->solve_law(second_.levels());
+    if (status == Status::ok) law_time_ = second_.clock().elapsed();
+    return status;
   }
-  /// See `BaseCompensation::joint_velocity`; zeros without compensation.
-  template <class V>
-  const Vector<Scalar, Eigen::Dynamic>& joint_velocity(
-      const Eigen::MatrixBase<V>& measured) noexcept requires MobileRobot<R> {
-    return compensation_ ? compensation_->joint_velocity(measured) : no_velocity_;
+  /// New velocities of the joints by the law, as `ParallelController::follow_joint_law`; of
+  /// `measured`, n, the base's columns count.
+  Status follow_joint_law(double time, const Velocity& measured,
+                          InputAge age = {}) noexcept requires MobileRobot<R> {
+    if (!compensation_ || law_time_ < 0) return Status::not_started;
+    Status status = second_.tick(time);
+    age.state += second_.clock().elapsed() - law_time_;
+    if (status == Status::ok) status = check(second_, &measured, true, age);
+    const double usual = open(second_, true);
+    if (status == Status::ok) compensation_->follow_law(measured_, answer_);
+    ramp_.update(status, usual, command());
+    (void)limits_.limit_joints(ramp_.wanted(answer_));
+    take();
+    return status;
   }
 
   /// ẏ; given columns hold what was measured.
   const Velocity& velocity() const noexcept { return velocity_; }
   /// What goes to the back-end: ẏ with zeros in the given columns.
-  const Velocity& command() const noexcept { return command_; }
+  const Velocity& command() const noexcept { return limits_.command(); }
+  /// The boxes and the last command.
+  const MotionLimits<R>& limits() const noexcept { return limits_; }
+  /// What the tool is commanded less what was agreed on, components on ⟨t⟩: zero to rounding unless
+  /// limits cut it, nothing is agreed on or held, or the robot stops.
+  const Vector6<Scalar>& cut() const noexcept { return cut_; }
   /// ẋ̂_t after the filter, components on ⟨t⟩.
   const Vector6<Scalar>& agreed_velocity() const noexcept { return filter_.value(); }
   /// aᵖ of ẋ̂_t on top of the second hierarchy: 0 alone, 1 in a shared action. The object may be
@@ -235,9 +233,9 @@ class Agent {
   /// State of the exchange.
   const Agreement<Scalar>& agreement() const noexcept { return agreement_; }
   /// Its own hierarchy, step 1.
-  const AgentController& own() const noexcept { return own_; }
+  const Actions& own() const noexcept { return own_; }
   /// The second hierarchy, step 3.
-  const AgentController& second() const noexcept { return second_; }
+  const Actions& second() const noexcept { return second_; }
 
  private:
   // All columns as chosen ones, the tool's reference as the six parameters.
@@ -254,14 +252,142 @@ class Agent {
     }
     return shared.front().tool.get().frame();
   }
-  Status update_second(double time) noexcept {
-    const Status status = second_.update(time);
-    if (status == Status::ok) second_time_ = time;
+  Status propose(double time, const Velocity* measured, const InputAge& age) noexcept {
+    proposed_ = own_.update(time);
+    if (proposed_ == Status::not_started) return withdraw();
+    usual_ = open(own_, false);
+    opened_ = true;
+    if (proposed_ == Status::ok) proposed_ = check(own_, measured, false, age);
+    if (proposed_ == Status::ok) {
+      (void)own_.set_bounds(limits_.bounds());
+      proposed_ = own_.solve(measured_);
+    }
+    if (proposed_ != Status::ok) return withdraw();
+    limits_.preview(ramp_.wanted(own_.velocity()), allowed_);
+    for (Index c = 0; c < allowed_.size(); ++c) {
+      if (own_.given(c)) allowed_(c) = measured_(c);
+    }
+    const Vector6<Scalar> velocity = tool_velocity(allowed_);
+    return agreement_.options().spans ? agreement_.propose(velocity, desired(), span())
+                                      : agreement_.propose(velocity, desired());
+  }
+  Status withdraw() noexcept {
+    agreement_.withdraw();
+    return proposed_;
+  }
+  Status step(double time, const Velocity* measured, const Vector6<Scalar>& correction,
+              const InputAge& age) noexcept {
+    if (second_.action().empty()) return Status::not_started;
+    Status status = second_.tick(time);
+    if (!opened_) usual_ = open(second_, false);
+    opened_ = false;
+    if (status == Status::ok && !detail::all_finite(correction)) status = Status::non_finite;
+    if (status == Status::ok) status = check(second_, measured, compensates(), age);
+    if (status == Status::ok) {
+      const double now = second_.clock().elapsed();
+      (void)filter_.update(agreement_.update(now), filtered_ ? now - last_filter_ : 0);
+      filtered_ = true;
+      last_filter_ = now;
+      Vector6<Scalar> commanded = filter_.value();
+      for (Index i = 0; i < 6; ++i) commanded(i) += correction(i);
+      status = agreed_velocity_.set_velocity(commanded);
+      if (status == Status::ok) status = second_.refresh();
+      if (status == Status::ok) status = solve_second();
+    }
+    // The levels of a refused proposal are no better here.
+    if (status == Status::ok) status = proposed_;
+    proposed_ = Status::ok;
+    ramp_.update(status, usual_, command());
+    command_towards(status);
     return status;
   }
-  const Velocity& still_velocity() noexcept {
-    detail::fill(measured_, Scalar(0));
-    return measured_;
+  // The answer of the second hierarchy, the joints' compensated.
+  Status solve_second() noexcept {
+    (void)second_.set_bounds(limits_.bounds());
+    // Alone and settled, both hierarchies are the same.
+    const bool same =
+        !(agreement_activation() > 0) && !own_.in_transition() && !second_.in_transition();
+    Status status = same ? Status::ok : second_.solve(measured_);
+    answer_ = same ? own_.velocity() : second_.velocity();
+    if constexpr (MobileRobot<R>) {
+      if (compensation_) {
+        (void)compensation_->set_bounds(limits_.bounds());
+        const Status joints = compensation_->solve(second_.levels(), measured_);
+        if (status == Status::ok) status = joints;
+        for (Index c = 0; c < answer_.size(); ++c) {
+          if (!compensation_->in_base(c)) answer_(c) = compensation_->velocity()(c);
+        }
+      }
+    }
+    return status;
+  }
+  // Starting, stopping and limits.
+  void command_towards(Status status) noexcept {
+    Velocity& wanted = allowed_;
+    const Velocity& faded = ramp_.wanted(answer_);
+    for (Index c = 0; c < wanted.size(); ++c) wanted(c) = faded(c);
+    const Scalar rest = static_cast<Scalar>(1 - ramp_.share());
+    const Scalar held = static_cast<Scalar>(agreement_activation());
+    const bool solved = status == Status::ok && ramp_.runs();
+    if (solved && rest > Scalar(0) && held > Scalar(0) &&
+        second_.solve(measured_, top_level_ + 1) == Status::ok) {
+      // What has not faded in yet gives way to the object: the others that hold it do not fade.
+      const Velocity& from = ramp_.from();
+      for (Index c = 0; c < wanted.size(); ++c) {
+        wanted(c) += rest * held * (second_.velocity()(c) - from(c));
+      }
+    }
+    bool all = limits_.limit_base(wanted);
+    if (!all && solved && !compensates() && !(rest > Scalar(0)) &&
+        second_.solve(measured_, detail::base_columns(robot_), command()) == Status::ok) {
+      for (Index c = 0; c < wanted.size(); ++c) wanted(c) = second_.velocity()(c);
+    }
+    (void)limits_.limit_joints(wanted);
+    take();
+    const Vector6<Scalar> velocity = tool_velocity(velocity_);
+    for (Index i = 0; i < 6; ++i) cut_(i) = held * (velocity(i) - agreed_velocity()(i));
+  }
+  bool compensates() const noexcept {
+    if constexpr (MobileRobot<R>) return compensation_.has_value();
+    return false;
+  }
+  // The boxes of a new cycle; returns how long a cycle usually is.
+  double open(const Actions& actions, bool joints_only) noexcept {
+    const StepClock& clock = actions.clock();
+    const double step = std::max(clock.elapsed() - last_, 0.0);
+    const double usual = step > 0 ? step : clock.nominal();
+    last_ = clock.elapsed();
+    if (!joints_only) limits_.update_base(step, usual);
+    limits_.update_joints(robot_, step, usual);
+    return usual;
+  }
+  // Whether the inputs are there and are new.
+  Status check(const Actions& actions, const Velocity* measured, bool needs_base,
+               const InputAge& age) noexcept {
+    if (actions.clock().stalled()) return Status::clock_stalled;
+    if (!(age.state <= hold_)) return Status::stale_state;
+    if (limits_.implausible_joint(robot_) >= 0) return Status::implausible_position;
+    if (measured && measured->size() != measured_.size()) return Status::wrong_size;
+    if (!actions.any_given() && !needs_base) return Status::ok;
+    if (measured && !(age.velocity <= hold_)) return Status::stale_velocity;
+    const ColumnRange base = detail::base_columns(robot_);
+    for (Index c = 0; c < measured_.size(); ++c) {
+      if (!actions.given(c) && !(needs_base && base.holds(c))) continue;
+      if (!measured && base.holds(c)) return Status::missing_velocity;
+      const Scalar v = measured ? (*measured)(c) : Scalar(0);
+      if (!std::isfinite(v)) return Status::non_finite;
+      measured_(c) = v;
+    }
+    return Status::ok;
+  }
+  // J_t ẏ, components on ⟨t⟩.
+  Vector6<Scalar> tool_velocity(const Velocity& y) const noexcept {
+    const auto& J = robot_.jacobian(tool_);
+    auto velocity = detail::zeros<Vector6<Scalar>>(6);
+    for (Index j = 0; j < robot_.dof(); ++j) {
+      for (Index i = 0; i < 6; ++i) velocity(i) += J(i, j) * y(j);
+    }
+    return on_tool(velocity);
   }
   /// A twist with components on ⟨0⟩, on ⟨t⟩.
   Vector6<Scalar> on_tool(const Vector6<Scalar>& twist) const noexcept {
@@ -273,14 +399,9 @@ class Agent {
     }
     return out;
   }
-  /// All columns are those of `solution`, or all but the base's.
-  void take(const Velocity& solution, bool joints_only) noexcept {
+  void take() noexcept {
     for (Index c = 0; c < velocity_.size(); ++c) {
-      if constexpr (MobileRobot<R>) {
-        if (joints_only && compensation_->in_base(c)) continue;
-      }
-      velocity_(c) = solution(c);
-      command_(c) = own_.given(c) ? Scalar(0) : solution(c);
+      velocity_(c) = own_.given(c) ? measured_(c) : command()(c);
     }
   }
 
@@ -319,9 +440,9 @@ class Agent {
   /// Where the agreed velocity and the shared tool tasks stand among the phase activations.
   void find_entries() {
     std::size_t i = 0;
-    for (const auto& level : second_.hierarchy()) {
-      for (const auto& entry : level) {
-        if (entry.task == &agreed_velocity_) top_entry_ = i;
+    for (std::size_t k = 0; k < second_.hierarchy().size(); ++k) {
+      for (const auto& entry : second_.hierarchy()[k]) {
+        if (entry.task == &agreed_velocity_) top_entry_ = i, top_level_ = k;
         ++i;
       }
     }
@@ -398,15 +519,19 @@ class Agent {
   task::FrameVelocity<R> agreed_velocity_;
   Agreement<Scalar> agreement_;
   LowPass<Scalar, 6> filter_;
-  AgentController own_, second_;
+  Actions own_, second_;
+  MotionLimits<R> limits_;
+  detail::CommandRamp<Scalar, R::size> ramp_;
+  double hold_;
   std::optional<Compensation> compensation_;
-  Vector<Scalar, Eigen::Dynamic> no_velocity_;
-  Velocity measured_, velocity_, command_;
+  Velocity measured_, velocity_, allowed_, answer_;
+  Vector6<Scalar> cut_ = Filled{0};
   Sensitivity sensitivity_;
   std::vector<ToolEntry> tools_;
-  // Of the last step, and of the second hierarchy, which the law moves on too.
-  double last_time_{-infinity<double>}, second_time_{-infinity<double>};
-  std::size_t top_entry_{static_cast<std::size_t>(-1)}, last_tool_level_{0};
+  double last_{0}, usual_{0}, last_filter_{0}, law_time_{-1};
+  bool opened_{false}, filtered_{false};
+  Status proposed_{Status::ok};
+  std::size_t top_entry_{static_cast<std::size_t>(-1)}, top_level_{0}, last_tool_level_{0};
   Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> extended_;
 };
 

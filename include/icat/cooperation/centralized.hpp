@@ -10,13 +10,15 @@
 ///
 /// `a` = 1 starts the iteration from the projector onto ker(G); between 0 and 1 the grasp's
 /// constraint fades. The robots' hierarchies are merged level by level. It needs all states in one
-/// place, which no acoustic modem can provide; it is here to be compared with.
+/// place, which no acoustic modem can provide; it is here to be compared with, and knows no limits
+/// but the solver's bounds.
 #pragma once
 
 #include <memory>
 #include <vector>
 
 #include "icat/action/level_stack.hpp"
+#include "icat/control/command_ramp.hpp"
 #include "icat/math/spatial_algebra.hpp"
 #include "icat/tpik/tpik.hpp"
 
@@ -42,11 +44,14 @@ class CentralizedController {
   /// At least two robots with hierarchies of equally many levels. All are fully actuated.
   /// @throws std::invalid_argument on bad actions or options. Allocates.
   CentralizedController(const std::vector<Member>& members, const Options& options)
-      : tpik_(total_dof(members), stacked(options, members)) {
+      : tpik_(total_dof(members), stacked(options, members)),
+        ramp_(tpik_.dof(), TimeOptions{}),
+        command_(detail::zeros<Rows>(tpik_.dof())) {
     for (const auto& m : members) {
       tools_.push_back(m.tool);
       velocities_.push_back(detail::zeros<Velocity>(m.robot.get().dof()));
-      parts_.push_back(std::make_unique<LevelStack<R>>(m.robot.get(), m.actions));
+      parts_.push_back(
+          std::make_unique<LevelStack<R>>(m.robot.get(), m.actions, TimeOptions{}.max_step));
       for (const auto& action : m.actions) {
         if (parts_.front()->has(action.name) && m.actions.size() == members[0].actions.size()) {
           continue;
@@ -73,40 +78,40 @@ class CentralizedController {
 
   /// As `Controller::start`, for all; a refusal changes nothing.
   Status start(std::string_view action, double time) noexcept {
-    return all([&](auto& part) { return part.start(action, time); });
+    const Status status = all([&](auto& part) { return part.start(action, time); });
+    if (status == Status::ok) ramp_.start();
+    return status;
   }
   /// As `Controller::switch_to`, for all; a refusal changes nothing.
   Status switch_to(std::string_view action, double time, double duration) noexcept {
-    return all([&](auto& part) { return part.switch_to(action, time, duration); });
+    if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
+    const bool runs = ramp_.runs();
+    const Status status = all([&](auto& part) {
+      return runs ? part.switch_to(action, time, duration) : part.start(action, time);
+    });
+    if (status == Status::ok) ramp_.resume(duration, command_);
+    return status;
   }
 
-  /// One control cycle. `firmness` a in [0, 1]: 1 while the object is held, 0 without it.
+  /// One control cycle. `firmness` a in [0, 1]: 1 while the object is held, 0 without it. Bad input
+  /// as in `Controller::step`.
   Status step(double time, Scalar firmness) noexcept {
     if (!(firmness >= Scalar(0) && firmness <= Scalar(1))) return Status::activation_out_of_range;
     Status status = all([&](auto& part) { return part.update(time); });
-    if (status != Status::ok) return status;
-    form_start(firmness);
-    status = tpik_.reset(rho0_, Q0_);
-    for (std::size_t k = 0; k < levels_.size() && status == Status::ok; ++k) {
-      auto& level = levels_[k];
-      Index row = 0, column = 0;
-      for (std::size_t i = 0; i < parts_.size(); ++i) {
-        const auto& own = parts_[i]->levels()[k];
-        const Index rows = own.jacobian.rows();
-        level.jacobian.block(row, column, rows, own.jacobian.cols()) = own.jacobian;
-        level.activation.segment(row, rows) = own.activation;
-        level.reference.segment(row, rows) = own.reference;
-        row += rows;
-        column += own.jacobian.cols();
-      }
-      status = tpik_.add_level(level.jacobian, level.activation, level.reference);
-    }
-    const Status closing = tpik_.minimize_velocity();
+    if (status == Status::not_started) return status;
+    const StepClock& clock = parts_.front()->clock();
+    if (status == Status::ok && clock.stalled()) status = Status::clock_stalled;
+    if (status == Status::ok) status = solve(firmness);
+    ramp_.update(status, clock.step() > 0 ? clock.step() : clock.nominal(), command_);
+    const Rows& wanted = ramp_.wanted(tpik_.velocity());
     Index from = 0;
     for (auto& velocity : velocities_) {
-      for (Index c = 0; c < velocity.size(); ++c) velocity(c) = tpik_.velocity()(from++);
+      for (Index c = 0; c < velocity.size(); ++c) {
+        command_(from) = wanted(from);
+        velocity(c) = command_(from++);
+      }
     }
-    return status == Status::ok ? closing : status;
+    return status;
   }
 
   /// ẏ of robot `index` [q̇; v̄].
@@ -142,12 +147,9 @@ class CentralizedController {
     typename Solver::Options o;
     o.regularization = options.regularization;
     o.projection_weight = options.projection_weight;
-    if (options.bounds) {
-      const auto& one = *options.bounds;
-      const auto copies = static_cast<Index>(members.size());
-      o.bounds = VelocityBounds<Scalar>{one.lower.replicate(copies, 1).eval(),
-                                        one.upper.replicate(copies, 1).eval()};
-    }
+    const auto copies = static_cast<Index>(members.size());
+    o.bounds = {options.bounds.lower.replicate(copies, 1),
+                options.bounds.upper.replicate(copies, 1)};
     return o;
   }
   template <class F>
@@ -158,6 +160,27 @@ class CentralizedController {
       if (first == Status::ok) first = status;
     }
     return first;
+  }
+
+  Status solve(Scalar firmness) noexcept {
+    form_start(firmness);
+    Status status = tpik_.reset(rho0_, Q0_);
+    for (std::size_t k = 0; k < levels_.size() && status == Status::ok; ++k) {
+      auto& level = levels_[k];
+      Index row = 0, column = 0;
+      for (std::size_t i = 0; i < parts_.size(); ++i) {
+        const auto& own = parts_[i]->levels()[k];
+        const Index rows = own.jacobian.rows();
+        level.jacobian.block(row, column, rows, own.jacobian.cols()) = own.jacobian;
+        level.activation.segment(row, rows) = own.activation;
+        level.reference.segment(row, rows) = own.reference;
+        row += rows;
+        column += own.jacobian.cols();
+      }
+      status = tpik_.add_level(level.jacobian, level.activation, level.reference);
+    }
+    const Status closing = tpik_.minimize_velocity();
+    return status == Status::ok ? closing : status;
   }
 
   /// Q₀, see the file comment: I − a BᵀB with an orthonormal basis B of the rows of G.
@@ -210,6 +233,8 @@ class CentralizedController {
   std::vector<FrameId> tools_;
   std::vector<std::unique_ptr<LevelStack<R>>> parts_;
   Solver tpik_;
+  detail::CommandRamp<Scalar, Eigen::Dynamic> ramp_;
+  Rows command_;
   std::vector<Level<Scalar, Eigen::Dynamic>> levels_;
   Matrix G_, Q0_;
   Rows rho0_;

@@ -21,6 +21,11 @@ enum class [[nodiscard]] Status{
     unknown_action,           ///< no action of that name or index
     unknown_joint,            ///< no joint or column of that name or index
     unknown_agent,            ///< no other agent of that index
+    clock_stalled,            ///< ten stamps in a row did not change
+    stale_state,              ///< the robot's state is older than `hold`
+    stale_velocity,           ///< the measured velocity is older than `hold`
+    missing_velocity,         ///< a given column of the base, or one that is made up for, was not measured
+    implausible_position,     ///< a joint is further outside its range than the range is wide
 };
 
 /// One line for a log. No allocation.
@@ -52,6 +57,16 @@ constexpr const char* describe(Status status) noexcept {
       return "unknown joint";
     case Status::unknown_agent:
       return "unknown agent";
+    case Status::clock_stalled:
+      return "the time stamps do not change";
+    case Status::stale_state:
+      return "the robot's state is too old";
+    case Status::stale_velocity:
+      return "the measured velocity is too old";
+    case Status::missing_velocity:
+      return "a velocity of the base that must be measured is missing";
+    case Status::implausible_position:
+      return "a joint far outside its range: degrees for radians?";
   }
   return "unknown status";
 }

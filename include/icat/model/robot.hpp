@@ -43,6 +43,8 @@ class FrameId {
 struct ColumnRange {
   Index first{0};  ///< in [0, n)
   Index count{0};  ///< how many
+  /// Whether column `c` is one of them.
+  constexpr bool holds(Index c) const noexcept { return c >= first && c < first + count; }
 };
 
 /// What a robot says of a joint.

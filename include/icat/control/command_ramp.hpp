@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// Starting, stopping, and what happens on input that is refused: how much of what a solver answers
+/// is commanded.
+///
+///     wanted = (1 − s) · what was commanded when the ramp began + s · aim,   s from 0 to 1
+///
+/// The aim is the solver's answer; zero after `stop`, and zero while input is refused for longer
+/// than `hold`. From rest that is s times the answer: the activations are all in place, so the
+/// order of priorities holds from the first cycle.
+#pragma once
+
+#include "icat/core/error.hpp"
+#include "icat/core/status.hpp"
+#include "icat/core/types.hpp"
+#include "icat/math/smooth_step.hpp"
+
+namespace icat {
+
+/// What a controller does about time and about input that is missing, late or refused.
+struct TimeOptions {
+  double max_step{0.1};  ///< longest step, s, > 0; see StepClock
+  double hold{0.1};      ///< s, > 0: after so long a fault, and for inputs of this age, it stops
+  double ramp{0.5};      ///< s, > 0: then the command goes to zero, and back when all is well
+};
+
+namespace detail {
+
+/// What has lasted already when it is told: there is no point in holding on.
+constexpr bool is_lasting(Status status) noexcept {
+  return status == Status::clock_stalled || status == Status::stale_state ||
+         status == Status::stale_velocity || status == Status::implausible_position;
+}
+
+/// See the file comment. Construction allocates and throws; nothing else does.
+template <class Scalar, int N>
+class CommandRamp {
+ public:
+  using Velocity = Vector<Scalar, N>;
+
+  [[gnu::cold]] CommandRamp(Index n, const TimeOptions& options)
+      : hold_(options.hold), ramp_(options.ramp), from_(zeros<Velocity>(n)), wanted_(from_) {
+    require_positive("the controller", "hold", hold_);
+    require_positive("the controller", "ramp", ramp_);
+  }
+
+  /// At once, what the solver answers.
+  void start() noexcept { aim(true, 0, from_); }
+  /// From `command` to what the solver answers; nothing changes where that is the aim already.
+  void resume(double duration, const Velocity& command) noexcept {
+    if (!runs_) aim(true, duration, command);
+  }
+  /// From `command` to zero.
+  void stop(double duration, const Velocity& command) noexcept { aim(false, duration, command); }
+
+  /// The outcome of a cycle that took `cycle` s.
+  void update(Status status, double cycle, const Velocity& command) noexcept {
+    elapsed_ += cycle;
+    if (status == Status::ok) {
+      fault_ = 0;
+      if (faulty_) {
+        faulty_ = false;
+        begin(ramp_, command);
+      }
+      return;
+    }
+    fault_ += cycle;
+    if (!faulty_ && (is_lasting(status) || fault_ > hold_)) {
+      faulty_ = true;
+      begin(ramp_, command);
+    }
+  }
+  /// Wanted for the solver's `answer`, n.
+  const Velocity& wanted(const Velocity& answer) noexcept {
+    const Scalar s = static_cast<Scalar>(share());
+    for (Index i = 0; i < from_.size(); ++i) {
+      const Scalar aim = runs_ && !faulty_ ? answer(i) : Scalar(0);
+      wanted_(i) = s >= Scalar(1) ? aim : (Scalar(1) - s) * from_(i) + s * aim;
+    }
+    return wanted_;
+  }
+  /// s.
+  double share() const noexcept { return duration_ > 0 ? smooth_step(elapsed_ / duration_) : 1; }
+  /// What was commanded when the ramp began, n.
+  const Velocity& from() const noexcept { return from_; }
+  /// The aim is the solver's answer.
+  bool runs() const noexcept { return runs_ && !faulty_; }
+
+ private:
+  void aim(bool run, double duration, const Velocity& command) noexcept {
+    runs_ = run;
+    begin(duration, command);
+  }
+  void begin(double duration, const Velocity& command) noexcept {
+    elapsed_ = 0;
+    duration_ = duration;
+    for (Index i = 0; i < from_.size(); ++i) from_(i) = command(i);
+  }
+
+  double hold_, ramp_, elapsed_{0}, duration_{0}, fault_{0};
+  bool runs_{false}, faulty_{false};
+  Velocity from_, wanted_;
+};
+
+}  // namespace detail
+}  // namespace icat
