@@ -90,7 +90,7 @@ TEST(Centralized, BoundsAreThoseOfOneRobot) {
   const Vector13d upper = Vector13d::LinSpaced(0.01, 0.04);
   UvmsCentral central({{pair.a.robot, pair.a.hand, pair.a.actions()},
                        {pair.b.robot, pair.b.hand, pair.b.actions()}},
-                      {.bounds = {{-upper, upper}}});
+                      {.bounds = {-upper, upper}});
   ASSERT_EQ(central.start("carry", 0), Status::ok);
   ASSERT_EQ(central.step(0, 1), Status::ok);
   for (std::size_t i = 0; i < 2; ++i) {

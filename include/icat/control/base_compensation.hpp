@@ -47,12 +47,10 @@ class BaseCompensation {
     Index rows = 0;
     for (const auto& level : levels) rows = std::max(rows, level.jacobian.rows());
     split_.resize(rows, joint_velocity_.size() + 6);
-    if (!options.bounds) return;
-    bounds_.emplace();
-    bounds_->lower = bounds_->upper = joint_velocity_;
+    bounds_.lower = bounds_.upper = joint_velocity_;
     for (std::size_t k = 0; k < columns_.size(); ++k) {
-      bounds_->lower(static_cast<Index>(k)) = options.bounds->lower(columns_[k]);
-      bounds_->upper(static_cast<Index>(k)) = options.bounds->upper(columns_[k]);
+      bounds_.lower(static_cast<Index>(k)) = options.bounds.lower_of(columns_[k]);
+      bounds_.upper(static_cast<Index>(k)) = options.bounds.upper_of(columns_[k]);
     }
   }
 
@@ -115,13 +113,9 @@ class BaseCompensation {
       if (tpik_.is_given(columns_[static_cast<std::size_t>(i)])) wanted_(i) = Scalar(0);
     }
     if (!detail::all_finite(wanted_)) return joint_velocity_;
-    if (!bounds_) {
-      std::copy_n(wanted_.data(), wanted_.size(), joint_velocity_.data());
-      return joint_velocity_;
-    }
     const Index n = wanted_.size();
-    const Scalar scale = bounds_->scale(n, joint_velocity_.data(), wanted_.data());
-    bounds_->advance(n, joint_velocity_.data(), wanted_.data(), scale);
+    const Scalar scale = bounds_.scale(n, joint_velocity_.data(), wanted_.data());
+    bounds_.advance(n, joint_velocity_.data(), wanted_.data(), scale);
     return joint_velocity_;
   }
 
@@ -141,7 +135,7 @@ class BaseCompensation {
   ColumnRange base_;
   std::vector<Index> columns_;  // those that are not the base's
   Law law_;
-  std::optional<VelocityBounds<Scalar, Eigen::Dynamic>> bounds_;
+  VelocityBounds<Scalar, Eigen::Dynamic> bounds_;
   JointVelocity joint_velocity_, wanted_;
   Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> split_;
 };

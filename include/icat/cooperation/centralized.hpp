@@ -142,12 +142,9 @@ class CentralizedController {
     typename Solver::Options o;
     o.regularization = options.regularization;
     o.projection_weight = options.projection_weight;
-    if (options.bounds) {
-      const auto& one = *options.bounds;
-      const auto copies = static_cast<Index>(members.size());
-      o.bounds = VelocityBounds<Scalar>{one.lower.replicate(copies, 1).eval(),
-                                        one.upper.replicate(copies, 1).eval()};
-    }
+    const auto copies = static_cast<Index>(members.size());
+    o.bounds = {options.bounds.lower.replicate(copies, 1),
+                options.bounds.upper.replicate(copies, 1)};
     return o;
   }
   template <class F>
