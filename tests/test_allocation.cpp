@@ -50,8 +50,13 @@ TEST_F(Allocation, NoneInTheSolver) {
     h.levels.push_back({gen.matrix(tall, h.dof), Eigen::VectorXd::Ones(tall), gen.matrix(tall, 1)});
     icat::VelocityBounds<double> bounds{Eigen::VectorXd::Constant(h.dof, -0.5),
                                         Eigen::VectorXd::Constant(h.dof, 0.5)};
-    icat::Tpik<double> tpik(h.dof, {.bounds = bounds});
+    icat::Tpik<double> tpik(h.dof);
     icat::Status status = icat::Status::not_started;
+    const icat::VelocityBounds<double> none;
+    EXPECT_EQ(count_allocations([&] { status = tpik.set_bounds(none); }), 0);
+    EXPECT_EQ(status, icat::Status::ok);
+    EXPECT_EQ(count_allocations([&] { status = tpik.set_bounds(bounds); }), 0);
+    EXPECT_EQ(status, icat::Status::ok);
     EXPECT_EQ(count_allocations([&] { solve(tpik, h, status); }), 0);
     EXPECT_EQ(status, icat::Status::ok);
     h.levels[0].reference(0) = NAN;

@@ -13,6 +13,7 @@
 #include <icat/sim/grasped_object_plant.hpp>
 #include <icat/sim/kinematic_plant.hpp>
 #include <icat/sim/maris_bodies.hpp>
+#include <icat/tpik/tpik.hpp>
 
 namespace {
 
@@ -40,6 +41,10 @@ struct Plain {
       .arm = icat::maris_arm<S>(), .vehicle = {.mass = 300}, .links = {}};
   typename icat::PiLoop<S, 6>::Options loop{.proportional = icat::Filled{1}};
   icat::Channel<icat::Vector6<float>>::Options channel{.rate = 10};
+  icat::VelocityBounds<S, 7> free{};
+  icat::VelocityBounds<S, 7> bounds{.upper = icat::Filled{0.5}};
+  typename icat::Tpik<S, 7>::Options solver{.projection_weight = 1};
+  typename icat::Tpik<S>::Options dynamic_solver{.bounds = {}};
 };
 
 // The objects themselves.

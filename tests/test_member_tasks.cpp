@@ -60,7 +60,6 @@ struct Program {
   using Robot = icat::KinematicTree<S, 13>;
   using Objective = icat::Objective<S>;
   using Vector3 = icat::Vector3<S>;
-  using Bounds = icat::VelocityBounds<S, 13>;
 
   Robot robot{make_robot<S>()};
   icat::FrameId hand{robot.frame("end_effector")}, elbow{robot.frame(icat::maris_elbow)};
@@ -114,12 +113,11 @@ struct Program {
                                              {look, look_at_elbow, center, own, given},
                                              {coarse, plain, position, orientation, jog},
                                              {shape, still, still_arm}}}};
-  icat::Controller<Robot> controller{
-      robot,
-      {{"reach", {{limits}, {reach}}}},
-      {.given = icat::ColumnRange{10, 2},
-       .solver = {
-           .bounds = Bounds{icat::Vector<S, 13>::Constant(-1), icat::Vector<S, 13>::Constant(1)}}}};
+  icat::Controller<Robot> controller{robot,
+                                     {{"reach", {{limits}, {reach}}}},
+                                     {.given = icat::ColumnRange{10, 2},
+                                      .solver = {.bounds = {icat::Vector<S, 13>::Constant(-1),
+                                                            icat::Vector<S, 13>::Constant(1)}}}};
   icat::Controller<Robot> defaults{robot, {{"reach", {{limits}, {reach}}}}};
   icat::Controller<Robot> dead_joint{
       robot, {{"reach", {{reach}}}}, {.given = icat::joint_columns(robot, {"joint3"})}};
@@ -137,7 +135,7 @@ struct Program {
       {{robot, hand, {{"reach", {{reach}}}}}, {robot, hand, {{"reach", {{plain}}}}}}, {}};
   icat::CentralizedController<Robot> bounded{
       {{robot, hand, {{"reach", {{reach}}}}}, {robot, hand, {{"reach", {{plain}}}}}},
-      {.bounds = Bounds{icat::Vector<S, 13>::Constant(-1), icat::Vector<S, 13>::Constant(1)}}};
+      {.bounds = {icat::Vector<S, 13>::Constant(-1), icat::Vector<S, 13>::Constant(1)}}};
 };
 
 // With a constructor of its own, within another class, and as a base.

@@ -174,7 +174,7 @@ INSTANTIATE_TEST_SUITE_P(Seeds, Saturation, testing::Range(0, 4));
 
 TEST(Saturation, TheBoundLeftOverIsWhatTheNextLevelMayUse) {
   const VectorXd one = VectorXd::Ones(2);
-  Tpik tpik(2, {.bounds = icat::VelocityBounds<double>{-one, one}});
+  Tpik tpik(2, {.bounds = {-one, one}});
   using One = Eigen::Matrix<double, 1, 1>;
   ASSERT_EQ(tpik.add_level(Eigen::RowVector2d(1, 0), One(1.0), One(4.0)), Status::ok);
   EXPECT_EQ(tpik.velocity(), Eigen::Vector2d(1, 0));
@@ -190,7 +190,7 @@ TEST(Saturation, RoundingDoesNotStopALevel) {
     SCOPED_TRACE(seed);
     HierarchyGenerator gen(seed);
     const VectorXd bound = VectorXd::Constant(3, 1.0);
-    Tpik tpik(3, {.bounds = icat::VelocityBounds<double>{-bound, bound}});
+    Tpik tpik(3, {.bounds = {-bound, bound}});
     const Eigen::RowVector3d J1(gen.uniform(0.5, 2), 0, 0);
     const MatrixXd J2 = gen.matrix(2, 3);
     ASSERT_EQ(tpik.add_level(J1, VectorXd::Ones(1), VectorXd::Constant(1, 10.0)), Status::ok);
@@ -206,7 +206,7 @@ TEST(Saturation, LowerPrioritiesDoNotDisturbHigherOnes) {
     SCOPED_TRACE(seed);
     HierarchyGenerator gen(seed);
     const VectorXd bound = VectorXd::Constant(10, 0.3);
-    Tpik tpik(10, {.bounds = icat::VelocityBounds<double>{-bound, bound}});
+    Tpik tpik(10, {.bounds = {-bound, bound}});
     const MatrixXd J1 = gen.matrix(3, 10);
     ASSERT_EQ(tpik.add_level(J1, VectorXd::Ones(3), gen.matrix(3, 1)), Status::ok);
     const VectorXd rate = J1 * tpik.velocity();
@@ -221,7 +221,7 @@ TEST(Saturation, LowerPrioritiesDoNotDisturbHigherOnes) {
 TEST(Saturation, JumpsWhereALevelBeginsToPushAComponentPastItsBound) {
   const VectorXd one = VectorXd::Ones(2);
   const auto velocity = [&](double r0) {
-    Tpik tpik(2, {.bounds = icat::VelocityBounds<double>{-one, one}});
+    Tpik tpik(2, {.bounds = {-one, one}});
     const VectorXd half = VectorXd::Constant(1, 0.5);
     EXPECT_EQ(tpik.add_level(Eigen::RowVector2d(1, 0), half, VectorXd::Constant(1, 50.0)),
               Status::ok);
@@ -234,7 +234,7 @@ TEST(Saturation, JumpsWhereALevelBeginsToPushAComponentPastItsBound) {
 
 TEST(Saturation, AComponentThatStartsOutsideMayOnlyComeBack) {
   const VectorXd one = VectorXd::Ones(2);
-  Tpik tpik(2, {.bounds = icat::VelocityBounds<double>{-one, one}});
+  Tpik tpik(2, {.bounds = {-one, one}});
   const Eigen::Vector2d rho0(3, 0);
   const Eigen::Matrix2d I = Eigen::Matrix2d::Identity();
   using One = Eigen::Matrix<double, 1, 1>;
@@ -245,6 +245,85 @@ TEST(Saturation, AComponentThatStartsOutsideMayOnlyComeBack) {
   ASSERT_EQ(tpik.reset(rho0, I), Status::ok);
   ASSERT_EQ(tpik.add_level(Eigen::RowVector2d(1, 0), One(1.0), One(-5.0)), Status::ok);
   EXPECT_DOUBLE_EQ(tpik.velocity()(0), -1);
+}
+
+// --- bounds that change -------------------------------------------------------------------------
+
+VectorXd solve_with(Tpik& tpik, const RandomHierarchy& h) {
+  EXPECT_EQ(tpik.reset(h.rho0, h.Q0), Status::ok);
+  for (const auto& level : h.levels) {
+    EXPECT_EQ(tpik.add_level(level.J, level.a, level.reference), Status::ok);
+  }
+  EXPECT_EQ(tpik.minimize_velocity(), Status::ok);
+  return tpik.velocity();
+}
+
+TEST(Bounds, NoneByDefault) {
+  const icat::VelocityBounds<float, 3> fixed;
+  const icat::VelocityBounds<double> dynamic;
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    EXPECT_EQ(fixed.lower(i), -icat::infinity<float>);
+    EXPECT_EQ(fixed.upper(i), icat::infinity<float>);
+    EXPECT_EQ(dynamic.lower_of(i), -inf);
+    EXPECT_EQ(dynamic.upper_of(i), inf);
+  }
+  EXPECT_EQ(dynamic.lower.size(), 0);
+  EXPECT_FALSE(fixed.any(3));
+  EXPECT_FALSE(dynamic.any(3));
+  EXPECT_EQ(fixed.check(3), Status::ok);
+  EXPECT_EQ(dynamic.check(3), Status::ok);
+}
+
+TEST(Bounds, SetInEachCycleTheyAreThoseOfANewSolver) {
+  HierarchyGenerator gen(17);
+  const RandomHierarchy h = gen.hierarchy(6, 12);
+  Tpik changing(h.dof);
+  const VectorXd free = solve_with(changing, h);
+  for (int cycle = 0; cycle < 50; ++cycle) {
+    SCOPED_TRACE(cycle);
+    const auto bounds = random_bounds(gen, h.rho0);
+    Tpik fresh(h.dof, {.bounds = bounds});
+    ASSERT_EQ(changing.set_bounds(bounds), Status::ok);
+    EXPECT_EQ(changing.options().bounds.upper, bounds.upper);
+    EXPECT_EQ(solve_with(changing, h), solve_with(fresh, h));
+  }
+  ASSERT_EQ(changing.set_bounds({}), Status::ok);
+  EXPECT_EQ(solve_with(changing, h), free);
+}
+
+TEST(Bounds, OneSideAlone) {
+  const VectorXd one = VectorXd::Ones(2);
+  Tpik tpik(2, {.bounds = {.upper = one}});
+  for (const double sign : {1.0, -1.0}) {
+    tpik.reset();
+    ASSERT_EQ(tpik.add_level(MatrixXd::Identity(2, 2), one, 4 * sign * one), Status::ok);
+    EXPECT_EQ(tpik.velocity(), sign > 0 ? one : VectorXd(-4 * one));
+  }
+}
+
+TEST(Bounds, BadOnesAreRefusedAndChangeNothing) {
+  const VectorXd half = VectorXd::Constant(3, 0.5);
+  Tpik tpik(3, {.bounds = {-half, half}});
+  icat::Tpik<double, 3> fixed({.bounds = {-half, half}});
+  const auto refused = [&](double low, double high, Status status) {
+    VectorXd lower = -VectorXd::Ones(3), upper = VectorXd::Ones(3);
+    lower(1) = low;
+    upper(2) = high;
+    EXPECT_EQ(tpik.set_bounds({lower, upper}), status);
+    EXPECT_EQ(fixed.set_bounds({lower, upper}), status);
+    EXPECT_EQ(tpik.options().bounds.lower, -half);
+    EXPECT_EQ(fixed.options().bounds.upper, half);
+  };
+  refused(nan, 1, Status::non_finite);
+  refused(-1, nan, Status::non_finite);
+  refused(0.1, nan, Status::non_finite);
+  refused(0.1, 1, Status::out_of_range);
+  refused(-1, -0.1, Status::out_of_range);
+  refused(inf, 1, Status::out_of_range);
+  EXPECT_EQ(tpik.set_bounds({VectorXd::Zero(2), VectorXd::Zero(3)}), Status::wrong_size);
+  EXPECT_EQ(tpik.set_bounds({VectorXd::Zero(3), VectorXd::Zero(4)}), Status::wrong_size);
+  EXPECT_EQ(tpik.options().bounds.lower, -half);
+  EXPECT_EQ(tpik.set_bounds({VectorXd::Zero(3), VectorXd::Zero(3)}), Status::ok);  // stand still
 }
 
 // --- bad input ---------------------------------------------------------------------------------
@@ -270,17 +349,16 @@ TEST(TpikErrors, ConfigurationThrowsWithNamesAndNumbers) {
   EXPECT_EQ(message_of([] { Fixed({.projection_weight = inf}); }),
             "Tpik: projection_weight must be finite and > 0, got inf");
   EXPECT_EQ(message_of([] { Tpik(0); }), "Tpik: dof must be >= 1, got 0");
-  EXPECT_EQ(
-      message_of([] {
-        Tpik(3, {.bounds = icat::VelocityBounds<double>{VectorXd::Zero(2), VectorXd::Zero(3)}});
-      }),
-      "Tpik: velocity bounds have 2 and 3 components, need 3");
   EXPECT_EQ(message_of([] {
-              Fixed({.bounds = icat::VelocityBounds<double, 3>{{-1, 0.25, -1}, {1, 0.5, 1}}});
+              Tpik(3, {.bounds = {VectorXd::Zero(2), VectorXd::Zero(3)}});
+            }),
+            "Tpik: velocity bounds have 2 and 3 components, need 3");
+  EXPECT_EQ(message_of([] {
+              Fixed({.bounds = {{-1, 0.25, -1}, {1, 0.5, 1}}});
             }),
             "Tpik: velocity bounds of component 1 must hold 0, got [0.25, 0.5]");
   EXPECT_EQ(message_of([] {
-              Fixed({.bounds = icat::VelocityBounds<double, 3>{{-1, -1, nan}, {1, 1, 1}}});
+              Fixed({.bounds = {{-1, -1, nan}, {1, 1, 1}}});
             }),
             "Tpik: velocity bounds of component 2 must hold 0, got [nan, 1]");
 }

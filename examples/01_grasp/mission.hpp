@@ -177,9 +177,8 @@ Result run(const Variant& variant, double dt, Observe observe) {
   if (variant.underactuated) given = icat::ColumnRange{10, 2};  // roll and pitch
   icat::Vector<double, 13> limit;
   limit << icat::Vector<double, 7>::Constant(0.5), Vector3::Constant(0.5), Vector3::Constant(0.4);
-  icat::ParallelController controller(
-      robot, actions,
-      {.given = given, .solver = {.bounds = icat::VelocityBounds<double, 13>{-limit, limit}}});
+  icat::ParallelController controller(robot, actions,
+                                      {.given = given, .solver = {.bounds = {-limit, limit}}});
   //! [controller]
 
   icat::Vector<double, 7> q;

@@ -79,7 +79,7 @@ inline icat::Controller<Robot>::Options controller_options() {
   Command limit;
   limit << icat::Vector<double, 7>::Constant(joint_speed), Vector3::Constant(vehicle_speed),
       Vector3::Constant(vehicle_turn);
-  return {.solver = {.bounds = icat::VelocityBounds<double, 13>{-limit, limit}}};
+  return {.solver = {.bounds = {-limit, limit}}};
 }
 
 inline Robot make_robot() {

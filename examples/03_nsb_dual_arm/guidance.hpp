@@ -102,7 +102,7 @@ class WholeBody {
  public:
   /// Limits of the five joints, active within `margin` of them, rad.
   WholeBody(const Joints& lower, const Joints& upper, double margin)
-      : tpik_({.bounds = icat::VelocityBounds<double, 8>{-velocity_limits(), velocity_limits()}}) {
+      : tpik_({.bounds = {-velocity_limits(), velocity_limits()}}) {
     limits_jacobian_.rightCols<5>().setIdentity();
     for (int j = 0; j < 5; ++j) {
       limits_.push_back(icat::Objective<double>::between(lower(j), upper(j), margin));

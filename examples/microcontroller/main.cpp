@@ -53,7 +53,7 @@ void require(icat::Status status) {
 Solver::Options solver_options() {
   Velocity limit = Velocity::Constant(Scalar(0.5));  // rad/s, m/s
   limit.tail<3>().setConstant(Scalar(0.4));          // rad/s, of the vehicle
-  return {.bounds = icat::VelocityBounds<Scalar, 13>{-limit, limit}};
+  return {.bounds = {-limit, limit}};
 }
 
 icat::Status solve(Solver& tpik, int hierarchy) {

@@ -14,7 +14,6 @@
 #pragma once
 
 #include <concepts>
-#include <optional>
 
 #include "icat/tpik/level_check.hpp"
 #include "icat/tpik/priority_iteration.hpp"
@@ -38,8 +37,8 @@ class Tpik {
     /// Policy and its parameters.
     Regularization regularization{};
     Scalar projection_weight{1};  ///< η of Eq. (20), > 0; the paper has 1
-    /// None by default.
-    std::optional<VelocityBounds<Scalar, N>> bounds{};
+    /// None by default; `set_bounds` changes them.
+    VelocityBounds<Scalar, N> bounds{};
   };
 
   /// Static size, default options. All constructors throw `std::invalid_argument` on parameters out
@@ -54,8 +53,22 @@ class Tpik {
 
   /// Degrees of freedom.
   Index dof() const noexcept { return rho_.size(); }
-  /// As given at construction.
+  /// As given at construction; the bounds are those in force, n components each.
   const Options& options() const noexcept { return options_; }
+
+  /// Bounds on ẏ (rad/s, m/s) from the next level on: call it before `reset`, as often as each
+  /// cycle. Bounds that `VelocityBounds::check` refuses (wrong size, NaN, 0 outside) change
+  /// nothing. No allocation.
+  Status set_bounds(const VelocityBounds<Scalar, N>& bounds) noexcept {
+    const Status status = bounds.check(dof());
+    if (status != Status::ok) return status;
+    for (Index i = 0; i < dof(); ++i) {
+      options_.bounds.lower(i) = bounds.lower_of(i);
+      options_.bounds.upper(i) = bounds.upper_of(i);
+    }
+    bounded_ = bounds.any(dof());
+    return status;
+  }
 
   /// ρ₀ = 0, Q₀ = I. No allocation.
   void reset() noexcept {
@@ -134,7 +147,12 @@ class Tpik {
       : options_(validated(options, dof)),
         iteration_(dof, options.regularization, options.projection_weight),
         rho_(detail::zeros<VectorN>(dof)),
-        next_rho_(detail::zeros<VectorN>(dof)) {}
+        next_rho_(detail::zeros<VectorN>(dof)) {
+    // Memory for all that `set_bounds` may bring.
+    options_.bounds.lower.resize(dof);
+    options_.bounds.upper.resize(dof);
+    (void)set_bounds(options.bounds);  // validated
+  }
 
   static const Options& validated(const Options& options, Index dof) {
     if (dof < 1) detail::invalid("Tpik: dof must be >= 1, got ", dof);
@@ -142,7 +160,7 @@ class Tpik {
       options.regularization.validate();
     }
     detail::require_positive("Tpik", "projection_weight", options.projection_weight);
-    if (options.bounds) options.bounds->validate("Tpik", dof);
+    options.bounds.validate("Tpik", dof);
     return options;
   }
 
@@ -170,9 +188,9 @@ class Tpik {
   bool advance(LevelReport<Scalar>& level) noexcept {
     const Scalar* increment = iteration_.increment.data();
     std::copy_n(rho_.data(), dof(), next_rho_.data());
-    if (options_.bounds) {
-      level.saturation_scale = options_.bounds->scale(dof(), rho_.data(), increment);
-      options_.bounds->advance(dof(), next_rho_.data(), increment, level.saturation_scale);
+    if (bounded_) {
+      level.saturation_scale = options_.bounds.scale(dof(), rho_.data(), increment);
+      options_.bounds.advance(dof(), next_rho_.data(), increment, level.saturation_scale);
     } else {
       for (Index i = 0; i < dof(); ++i) next_rho_(i) += increment[i];
     }
@@ -185,6 +203,7 @@ class Tpik {
   }
 
   Options options_;
+  bool bounded_{false};  // any component of options_.bounds
   detail::PriorityIteration<Scalar, N, 1, Regularization> iteration_;
   VectorN rho_, next_rho_;
   TpikReport<Scalar> report_;

@@ -14,31 +14,58 @@
 #include <limits>
 
 #include "icat/core/error.hpp"
+#include "icat/core/status.hpp"
 #include "icat/core/types.hpp"
 
 namespace icat {
 
 /// Bounds on each component of ẏ (rad/s, m/s), `lower ≤ 0 ≤ upper`; infinities leave a component
-/// free.
+/// free. By default all are free; of dynamic size a side is then empty, and read as infinite.
 template <class Scalar, int N = Eigen::Dynamic>
 struct VelocityBounds {
   /// n, each ≤ 0
-  Vector<Scalar, N> lower;
+  Vector<Scalar, N> lower = Filled{-infinity<double>};
   /// n, each ≥ 0
-  Vector<Scalar, N> upper;
+  Vector<Scalar, N> upper = Filled{infinity<double>};
 
-  /// Throws `std::invalid_argument` unless both have `dof` components and hold 0 between them.
+  /// Of component `i`, −∞ where `lower` is empty.
+  Scalar lower_of(Index i) const noexcept {
+    return lower.size() > 0 ? lower(i) : -infinity<Scalar>;
+  }
+  /// Of component `i`, ∞ where `upper` is empty.
+  Scalar upper_of(Index i) const noexcept { return upper.size() > 0 ? upper(i) : infinity<Scalar>; }
+
+  /// `wrong_size` unless each side is empty or has `dof` components, `non_finite` for NaN,
+  /// `out_of_range` where 0 is not between them. No allocation.
+  Status check(Index dof) const noexcept {
+    if (!sized(lower, dof) || !sized(upper, dof)) return Status::wrong_size;
+    Status status = Status::ok;
+    for (Index i = 0; i < dof; ++i) {
+      const Scalar least = lower_of(i), most = upper_of(i);
+      if (std::isnan(least) || std::isnan(most)) return Status::non_finite;
+      if (least > Scalar(0) || most < Scalar(0)) status = Status::out_of_range;
+    }
+    return status;
+  }
+  /// Throws `std::invalid_argument` where `check` would refuse.
   void validate(const char* owner, Index dof) const {
-    if (lower.size() != dof || upper.size() != dof) {
+    if (!sized(lower, dof) || !sized(upper, dof)) {
       detail::invalid(owner, ": velocity bounds have ", lower.size(), " and ", upper.size(),
                       " components, need ", dof);
     }
     for (Index i = 0; i < dof; ++i) {
-      if (!(lower(i) <= Scalar(0)) || !(upper(i) >= Scalar(0))) {
+      if (!(lower_of(i) <= Scalar(0)) || !(upper_of(i) >= Scalar(0))) {
         detail::invalid(owner, ": velocity bounds of component ", i, " must hold 0, got [",
-                        lower(i), ", ", upper(i), "]");
+                        lower_of(i), ", ", upper_of(i), "]");
       }
     }
+  }
+  /// Whether any of the first `n` components is bounded.
+  bool any(Index n) const noexcept {
+    for (Index i = 0; i < n; ++i) {
+      if (lower_of(i) > -infinity<Scalar> || upper_of(i) < infinity<Scalar>) return true;
+    }
+    return false;
   }
 
   /// The factor s above, for `n` components. A component that starts outside may move towards its
@@ -52,7 +79,7 @@ struct VelocityBounds {
     for (Index i = 0; i < n; ++i) {
       const Scalar d = delta[i];
       if (std::abs(d) <= rounding) continue;
-      const Scalar room = d > Scalar(0) ? upper(i) - rho[i] : lower(i) - rho[i];
+      const Scalar room = d > Scalar(0) ? upper_of(i) - rho[i] : lower_of(i) - rho[i];
       // Compared by multiplication: room / d could overflow for a tiny d.
       if (std::abs(room) >= s * std::abs(d) && (room > Scalar(0)) == (d > Scalar(0))) continue;
       s = (room > Scalar(0)) == (d > Scalar(0)) ? room / d : Scalar(0);
@@ -64,8 +91,13 @@ struct VelocityBounds {
   void advance(Index n, Scalar* rho, const Scalar* delta, Scalar s) const noexcept {
     for (Index i = 0; i < n; ++i) {
       const Scalar next = rho[i] + s * delta[i];
-      rho[i] = std::clamp(next, std::min(lower(i), rho[i]), std::max(upper(i), rho[i]));
+      rho[i] = std::clamp(next, std::min(lower_of(i), rho[i]), std::max(upper_of(i), rho[i]));
     }
+  }
+
+ private:
+  static bool sized(const Vector<Scalar, N>& side, Index dof) noexcept {
+    return side.size() == dof || (N == Eigen::Dynamic && side.size() == 0);
   }
 };
 
