@@ -161,8 +161,7 @@ TEST(ParallelController, ColumnsOfTheBaseFirst) {
     Reach<Tree> reach(tree, hand);
     Reach<Permuted> same(permuted, hand);
     icat::ParallelController<Tree> controller(tree, reach.actions(), {.limits = icat::unlimited});
-    icat::ParallelController<Permuted> other(permuted, same.actions(),
-                                             {.limits = icat::unlimited});
+    icat::ParallelController<Permuted> other(permuted, same.actions(), {.limits = icat::unlimited});
     const Eigen::VectorXd measured = Eigen::VectorXd::LinSpaced(base.columns(), 0.08, -0.05);
     const auto both = [&](auto f) {
       EXPECT_EQ(f(controller), Status::ok);
@@ -373,8 +372,7 @@ TEST_F(ParallelTest, StaleInputStopsTheLayerThatGetsIt) {
   // The law: it is as old as its state, and NaN is too old.
   ASSERT_EQ(controller.step_joint_law(t), Status::ok);
   EXPECT_EQ(controller.follow_joint_law(t + 0.05, measured), Status::ok);
-  EXPECT_EQ(controller.follow_joint_law(t + 0.05, measured, {.state = 0.06}),
-            Status::stale_state);
+  EXPECT_EQ(controller.follow_joint_law(t + 0.05, measured, {.state = 0.06}), Status::stale_state);
   EXPECT_EQ(controller.follow_joint_law(t + 0.05, measured, {.velocity = NAN}),
             Status::stale_velocity);
   for (int k = 12; k < 100; ++k) {

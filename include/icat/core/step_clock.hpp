@@ -47,8 +47,9 @@ class StepClock {
     last_ = now;
     started_ = true;
     if (difference > 0) {
+      // Only what is clearly longer than usual pays, so that a jump costs one step alone.
       const double usual = std::min(difference, max_step_);
-      const double repaid = std::min(owed_, std::max(usual - nominal_, 0.0));
+      const double repaid = std::min(owed_, std::max(usual - 1.25 * nominal_, 0.0));
       owed_ -= repaid;
       step_ = usual - repaid;
     } else if (-difference < max_step_) {
