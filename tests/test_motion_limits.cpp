@@ -86,7 +86,7 @@ std::string fault_of_run(unsigned seed) {
   double dt = period;
   for (int k = 0; k < 150; ++k) {
     loop.see();
-    limits.update(loop.robot, k == 0 ? 0 : dt, dt);
+    limits.update(loop.robot, {k == 0 ? 0 : dt, dt});
     if (k % 30 == 0) goal = 3 * Vector3::NullaryExpr([&] { return uniform(-1, 1); });
     // A stiff goal, beyond the limits now and then, or noise, or a switch.
     if (chance(0.05)) wanted = 5 * Vector3::NullaryExpr([&] { return uniform(-1, 1); });

@@ -141,7 +141,7 @@ TEST(StatePredictor, TheBoundForALag) {
       using Velocity = icat::Vector<double, 1>;
       for (int k = 0; k < 2000; ++k) {
         ASSERT_EQ(robot.update(Velocity(q)), Status::ok);
-        limits.update(robot, 0.01, 0.01);
+        limits.update(robot, {0.01, 0.01});
         // Away and back against the limit.
         const double wanted = k % 400 < 60 ? -1.0 : 1.0;
         (void)limits.limit_joints(

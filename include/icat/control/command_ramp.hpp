@@ -12,6 +12,7 @@
 
 #include "icat/core/error.hpp"
 #include "icat/core/status.hpp"
+#include "icat/core/step_clock.hpp"
 #include "icat/core/types.hpp"
 #include "icat/math/smooth_step.hpp"
 
@@ -45,17 +46,20 @@ class CommandRamp {
   }
 
   /// At once, what the solver answers.
-  void start() noexcept { aim(true, 0, from_); }
+  void start() noexcept { aim(true, 0, from_, 0); }
   /// From `command` to what the solver answers; nothing changes where that is the aim already.
-  void resume(double duration, const Velocity& command) noexcept {
-    if (!runs_) aim(true, duration, command);
+  /// `pending`: s since the last cycle, which the next one brings.
+  void resume(double duration, const Velocity& command, double pending) noexcept {
+    if (!runs_) aim(true, duration, command, pending);
   }
   /// From `command` to zero.
-  void stop(double duration, const Velocity& command) noexcept { aim(false, duration, command); }
+  void stop(double duration, const Velocity& command, double pending) noexcept {
+    aim(false, duration, command, pending);
+  }
 
-  /// The outcome of a cycle that took `cycle` s.
-  void update(Status status, double cycle, const Velocity& command) noexcept {
-    elapsed_ += cycle;
+  /// The outcome of a cycle. While input is refused time passes as usual, whatever the stamps say.
+  void update(Status status, Cycle cycle, const Velocity& command) noexcept {
+    elapsed_ += status == Status::ok ? cycle.step : cycle.usual;
     if (status == Status::ok) {
       fault_ = 0;
       if (faulty_) {
@@ -64,7 +68,7 @@ class CommandRamp {
       }
       return;
     }
-    fault_ += cycle;
+    fault_ += cycle.usual;
     if (!faulty_ && (is_lasting(status) || fault_ > hold_)) {
       faulty_ = true;
       begin(ramp_, command);
@@ -87,9 +91,10 @@ class CommandRamp {
   bool runs() const noexcept { return runs_ && !faulty_; }
 
  private:
-  void aim(bool run, double duration, const Velocity& command) noexcept {
+  void aim(bool run, double duration, const Velocity& command, double pending) noexcept {
     runs_ = run;
     begin(duration, command);
+    elapsed_ = -pending;
   }
   void begin(double duration, const Velocity& command) noexcept {
     elapsed_ = 0;

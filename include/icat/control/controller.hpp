@@ -91,7 +91,7 @@ class Controller {
     if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
     const Status status =
         ramp_.runs() ? solver_.switch_to(action, time, duration) : solver_.start(action, time);
-    if (status == Status::ok) ramp_.resume(duration, limits_.command());
+    if (status == Status::ok) ramp_.resume(duration, limits_.command(), pending());
     return status;
   }
   /// The command goes to zero over `duration` seconds, more slowly where limits of acceleration ask
@@ -99,7 +99,7 @@ class Controller {
   Status stop(double time, double duration) noexcept {
     if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
     const Status status = solver_.tick(time);
-    if (status == Status::ok) ramp_.stop(duration, limits_.command());
+    if (status == Status::ok) ramp_.stop(duration, limits_.command(), pending());
     return status;
   }
   /// From now on column `column` is given, or no more. The velocity changes at once, as the robot
@@ -126,11 +126,11 @@ class Controller {
   /// - what lasts longer than `hold`, and inputs that are older: the command goes to zero over
   ///   `ramp` seconds, and comes back when all is well.
   /// The velocity is always finite, and within the limits in what may be chosen.
-  Status step(double time, InputAge age = {}) noexcept { return cycle(time, nullptr, age); }
+  Status step(double time, InputAge age = {}) noexcept { return run(time, nullptr, age); }
   /// The same with the velocity that is measured, n; only its given columns count. One that is
   /// needed and not finite: `non_finite`.
   Status step(double time, const Velocity& measured, InputAge age = {}) noexcept {
-    return cycle(time, &measured, age);
+    return run(time, &measured, age);
   }
 
   /// ẏ; given columns hold what was measured.
@@ -171,20 +171,20 @@ class Controller {
   const StepClock& clock() const noexcept { return solver_.clock(); }
 
  private:
-  Status cycle(double time, const Velocity* measured, const InputAge& age) noexcept {
+  // Of a stamp without a cycle.
+  double pending() const noexcept { return solver_.clock().elapsed() - last_; }
+  Status run(double time, const Velocity* measured, const InputAge& age) noexcept {
     Status status = solver_.update(time);
     if (status == Status::not_started) return status;
-    const StepClock& clock = solver_.clock();
-    const double step = clock.elapsed() - last_, usual = step > 0 ? step : clock.nominal();
-    last_ = clock.elapsed();
-    limits_.update(solver_.robot(), step, usual);
+    const Cycle now = solver_.clock().since(last_);
+    limits_.update(solver_.robot(), now);
     if (status == Status::ok) status = check(measured, age);
     if (status == Status::ok) {
       (void)solver_.set_bounds(limits_.bounds());
       status = solver_.solve(measured_);
       answer_ = solver_.velocity();
     }
-    ramp_.update(status, usual, limits_.command());
+    ramp_.update(status, now, limits_.command());
     apply();
     return status;
   }

@@ -27,6 +27,7 @@
 #include <vector>
 
 #include "icat/control/command_history.hpp"
+#include "icat/core/step_clock.hpp"
 #include "icat/model/robot.hpp"
 #include "icat/tpik/velocity_bounds.hpp"
 
@@ -79,19 +80,18 @@ class MotionLimits {
   /// T, s.
   double reaction_time() const noexcept { return reaction_time_; }
 
-  /// The boxes for a cycle that begins `step` s (≥ 0) after the last one; positions are the
-  /// robot's. `cycle` (> 0) is what the step usually is: where a stamp makes the step 0, braking
-  /// goes on.
-  void update(const R& robot, double step, double cycle) noexcept {
-    update_base(step, cycle);
-    update_joints(robot, step, cycle);
+  /// The boxes for a cycle; positions are the robot's. Where the stamps make the step 0, braking
+  /// goes on as usual.
+  void update(const R& robot, Cycle cycle) noexcept {
+    update_base(cycle);
+    update_joints(robot, cycle);
   }
   /// The same for the base alone.
-  void update_base(double step, double cycle) noexcept { box(true, step, cycle); }
+  void update_base(Cycle cycle) noexcept { box(true, cycle); }
   /// The same for the others alone.
-  void update_joints(const R& robot, double step, double cycle) noexcept {
-    if constexpr (JointedRobot<R>) carry(robot, step, cycle);
-    box(false, step, cycle);
+  void update_joints(const R& robot, Cycle cycle) noexcept {
+    if constexpr (JointedRobot<R>) carry(robot, cycle);
+    box(false, cycle);
   }
 
   /// The part of the boxes that holds 0: bounds for a solver.
@@ -232,12 +232,12 @@ class MotionLimits {
   }
 
   // How far the joints may still go, and with it how fast.
-  void carry(const R& robot, double step, double cycle) noexcept {
-    history_.push(command_, step > 0 ? step : cycle);
-    const double T = std::max(reaction_time_, cycle);
+  void carry(const R& robot, Cycle cycle) noexcept {
+    history_.push(command_, cycle.usual);
+    const double T = std::max(reaction_time_, cycle.usual);
     for (Column& column : columns_) column.moved = column.lowest = column.highest = 0;
     // Any age of the state up to T − cycle must be safe, so the extremes count, not the ends.
-    history_.from_newest(T - cycle, [this](const double* velocity, double duration) {
+    history_.from_newest(T - cycle.usual, [this](const double* velocity, double duration) {
       for (Column& column : columns_) {
         column.moved += *velocity++ * duration;
         column.lowest = std::min(column.lowest, column.moved);
@@ -258,7 +258,7 @@ class MotionLimits {
     return 2 * d / (T + std::sqrt(T * T + 2 * d / a));
   }
 
-  void box(bool base, double step, double cycle) noexcept {
+  void box(bool base, Cycle cycle) noexcept {
     for (Index c = 0; c < dof(); ++c) {
       Column& column = at(c);
       if (column.base != base || column.given) continue;
@@ -269,7 +269,8 @@ class MotionLimits {
       lower_(c) = lowest;
       upper_(c) = highest;
       if (a < infinity<Scalar>) {
-        const Scalar gain = a * static_cast<Scalar>(step), loss = a * static_cast<Scalar>(cycle);
+        const Scalar gain = a * static_cast<Scalar>(cycle.step);
+        const Scalar loss = a * static_cast<Scalar>(cycle.usual);
         // Towards zero at least as far as in a usual cycle.
         const Scalar from = std::min(last - gain, std::max(Scalar(0), last - loss));
         const Scalar to = std::max(last + gain, std::min(Scalar(0), last + loss));

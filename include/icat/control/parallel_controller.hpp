@@ -61,8 +61,8 @@ class ParallelController {
     const Status status =
         runs ? first_.switch_to(action, time, duration) : first_.start(action, time);
     if (status != Status::ok) return status;
-    base_.ramp.resume(duration, limits_.command());
-    joints_.ramp.resume(duration, limits_.command());
+    base_.ramp.resume(duration, limits_.command(), pending(base_));
+    joints_.ramp.resume(duration, limits_.command(), pending(joints_));
     return status;
   }
   /// As `Controller::stop`.
@@ -70,8 +70,8 @@ class ParallelController {
     if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
     const Status status = first_.tick(time);
     if (status != Status::ok) return status;
-    base_.ramp.stop(duration, limits_.command());
-    joints_.ramp.stop(duration, limits_.command());
+    base_.ramp.stop(duration, limits_.command(), pending(base_));
+    joints_.ramp.stop(duration, limits_.command(), pending(joints_));
     return status;
   }
   /// As `Controller::set_given`.
@@ -131,10 +131,10 @@ class ParallelController {
     if (law_time_ < 0) return Status::not_started;
     age.state += first_.clock().elapsed() - law_time_;
     status = prepare(status, measured, age);
-    const auto [step, usual] = begin(joints_);
-    limits_.update_joints(first_.robot(), step, usual);
+    const Cycle now = first_.clock().since(joints_.last);
+    limits_.update_joints(first_.robot(), now);
     if (status == Status::ok) second_.follow_law(measured_, joints_.answer);
-    finish(joints_, status, usual);
+    finish(joints_, status, now);
     (void)limits_.limit_joints(joints_.ramp.wanted(joints_.answer));
     take(false);
     return status;
@@ -166,9 +166,10 @@ class ParallelController {
     Velocity answer;
     double last{0};
   };
-  struct Period {
-    double step, usual;
-  };
+  // Of a stamp without a cycle.
+  double pending(const Layer& layer) const noexcept {
+    return first_.clock().elapsed() - layer.last;
+  }
 
   // `status` of the clock and the tasks; then whether the inputs are there and are new.
   template <class V>
@@ -191,37 +192,31 @@ class ParallelController {
     }
     return Status::ok;
   }
-  Period begin(Layer& layer) noexcept {
-    const StepClock& clock = first_.clock();
-    const double step = clock.elapsed() - layer.last;
-    layer.last = clock.elapsed();
-    return {step, step > 0 ? step : clock.nominal()};
-  }
-  void finish(Layer& layer, Status status, double usual) noexcept {
-    layer.ramp.update(status, usual, limits_.command());
+  void finish(Layer& layer, Status status, Cycle now) noexcept {
+    layer.ramp.update(status, now, limits_.command());
   }
   Status run_base(Status status) noexcept {
-    const auto [step, usual] = begin(base_);
-    limits_.update_base(step, usual);
+    const Cycle now = first_.clock().since(base_.last);
+    limits_.update_base(now);
     if (status == Status::ok) {
       (void)first_.set_bounds(limits_.bounds());
       status = first_.solve(measured_);
       base_.answer = first_.velocity();
     }
-    finish(base_, status, usual);
+    finish(base_, status, now);
     (void)limits_.limit_base(base_.ramp.wanted(base_.answer));
     take(true);
     return status;
   }
   Status run_joints(Status status) noexcept {
-    const auto [step, usual] = begin(joints_);
-    limits_.update_joints(first_.robot(), step, usual);
+    const Cycle now = first_.clock().since(joints_.last);
+    limits_.update_joints(first_.robot(), now);
     if (status == Status::ok) {
       (void)second_.set_bounds(limits_.bounds());
       status = second_.solve(first_.levels(), measured_);
       joints_.answer = second_.velocity();
     }
-    finish(joints_, status, usual);
+    finish(joints_, status, now);
     (void)limits_.limit_joints(joints_.ramp.wanted(joints_.answer));
     take(false);
     return status;

@@ -137,7 +137,7 @@ class Agent {
     Status status = runs ? own_.switch_to(action, time, duration) : own_.start(action, time);
     if (status != Status::ok) return status;
     status = runs ? second_.switch_to(action, time, duration) : second_.start(action, time);
-    ramp_.resume(duration, command());
+    ramp_.resume(duration, command(), pending());
     return status;
   }
   /// As `Controller::stop`; while the command goes to zero so do the proposals.
@@ -145,7 +145,7 @@ class Agent {
     if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
     Status status = own_.tick(time);
     if (status == Status::ok) status = second_.tick(time);
-    if (status == Status::ok) ramp_.stop(duration, command());
+    if (status == Status::ok) ramp_.stop(duration, command(), pending());
     return status;
   }
 
@@ -195,9 +195,9 @@ class Agent {
     Status status = second_.tick(time);
     age.state += second_.clock().elapsed() - law_time_;
     if (status == Status::ok) status = check(second_, &measured, true, age);
-    const double usual = open(second_, true);
+    const Cycle now = open(second_, true);
     if (status == Status::ok) compensation_->follow_law(measured_, answer_);
-    ramp_.update(status, usual, command());
+    ramp_.update(status, now, command());
     (void)limits_.limit_joints(ramp_.wanted(answer_));
     take();
     return status;
@@ -238,6 +238,8 @@ class Agent {
   const Actions& second() const noexcept { return second_; }
 
  private:
+  // Of a stamp without a cycle.
+  double pending() const noexcept { return own_.clock().elapsed() - last_; }
   // All columns as chosen ones, the tool's reference as the six parameters.
   using Sensitivity = ParametricTpik<Scalar, R::size, 6, Regularization>;
   using Compensation = typename detail::CompensationOf<R, Regularization>::type;
@@ -255,7 +257,7 @@ class Agent {
   Status propose(double time, const Velocity* measured, const InputAge& age) noexcept {
     proposed_ = own_.update(time);
     if (proposed_ == Status::not_started) return withdraw();
-    usual_ = open(own_, false);
+    cycle_ = open(own_, false);
     opened_ = true;
     if (proposed_ == Status::ok) proposed_ = check(own_, measured, false, age);
     if (proposed_ == Status::ok) {
@@ -279,15 +281,15 @@ class Agent {
               const InputAge& age) noexcept {
     if (second_.action().empty()) return Status::not_started;
     Status status = second_.tick(time);
-    if (!opened_) usual_ = open(second_, false);
+    if (!opened_) cycle_ = open(second_, false);
     opened_ = false;
     if (status == Status::ok && !detail::all_finite(correction)) status = Status::non_finite;
     if (status == Status::ok) status = check(second_, measured, compensates(), age);
     if (status == Status::ok) {
-      const double now = second_.clock().elapsed();
-      (void)filter_.update(agreement_.update(now), filtered_ ? now - last_filter_ : 0);
+      const Vector6<Scalar>& agreed = agreement_.update(second_.clock().elapsed());
+      const double passed = second_.clock().since(last_filter_).step;
+      (void)filter_.update(agreed, filtered_ ? passed : 0);
       filtered_ = true;
-      last_filter_ = now;
       Vector6<Scalar> commanded = filter_.value();
       for (Index i = 0; i < 6; ++i) commanded(i) += correction(i);
       status = agreed_velocity_.set_velocity(commanded);
@@ -297,7 +299,7 @@ class Agent {
     // The levels of a refused proposal are no better here.
     if (status == Status::ok) status = proposed_;
     proposed_ = Status::ok;
-    ramp_.update(status, usual_, command());
+    ramp_.update(status, cycle_, command());
     command_towards(status);
     return status;
   }
@@ -351,15 +353,12 @@ class Agent {
     if constexpr (MobileRobot<R>) return compensation_.has_value();
     return false;
   }
-  // The boxes of a new cycle; returns how long a cycle usually is.
-  double open(const Actions& actions, bool joints_only) noexcept {
-    const StepClock& clock = actions.clock();
-    const double step = std::max(clock.elapsed() - last_, 0.0);
-    const double usual = step > 0 ? step : clock.nominal();
-    last_ = clock.elapsed();
-    if (!joints_only) limits_.update_base(step, usual);
-    limits_.update_joints(robot_, step, usual);
-    return usual;
+  // The boxes of a new cycle.
+  Cycle open(const Actions& actions, bool joints_only) noexcept {
+    const Cycle now = actions.clock().since(last_);
+    if (!joints_only) limits_.update_base(now);
+    limits_.update_joints(robot_, now);
+    return now;
   }
   // Whether the inputs are there and are new.
   Status check(const Actions& actions, const Velocity* measured, bool needs_base,
@@ -528,7 +527,8 @@ class Agent {
   Vector6<Scalar> cut_ = Filled{0};
   Sensitivity sensitivity_;
   std::vector<ToolEntry> tools_;
-  double last_{0}, usual_{0}, last_filter_{0}, law_time_{-1};
+  double last_{0}, last_filter_{0}, law_time_{-1};
+  Cycle cycle_{0, 0};
   bool opened_{false}, filtered_{false};
   Status proposed_{Status::ok};
   std::size_t top_entry_{static_cast<std::size_t>(-1)}, top_level_{0}, last_tool_level_{0};

@@ -89,7 +89,7 @@ class CentralizedController {
     const Status status = all([&](auto& part) {
       return runs ? part.switch_to(action, time, duration) : part.start(action, time);
     });
-    if (status == Status::ok) ramp_.resume(duration, command_);
+    if (status == Status::ok) ramp_.resume(duration, command_, pending());
     return status;
   }
 
@@ -102,7 +102,7 @@ class CentralizedController {
     const StepClock& clock = parts_.front()->clock();
     if (status == Status::ok && clock.stalled()) status = Status::clock_stalled;
     if (status == Status::ok) status = solve(firmness);
-    ramp_.update(status, clock.step() > 0 ? clock.step() : clock.nominal(), command_);
+    ramp_.update(status, clock.since(last_), command_);
     const Rows& wanted = ramp_.wanted(tpik_.velocity());
     Index from = 0;
     for (auto& velocity : velocities_) {
@@ -132,6 +132,8 @@ class CentralizedController {
   const TpikReport<Scalar>& report() const noexcept { return tpik_.report(); }
 
  private:
+  // Of a stamp without a cycle.
+  double pending() const noexcept { return parts_.front()->clock().elapsed() - last_; }
   using Matrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
   using Rows = Vector<Scalar, Eigen::Dynamic>;
   using Solver = Tpik<Scalar, Eigen::Dynamic, Regularization>;
@@ -235,6 +237,7 @@ class CentralizedController {
   Solver tpik_;
   detail::CommandRamp<Scalar, Eigen::Dynamic> ramp_;
   Rows command_;
+  double last_{0};
   std::vector<Level<Scalar, Eigen::Dynamic>> levels_;
   Matrix G_, Q0_;
   Rows rho0_;

@@ -25,6 +25,12 @@
 
 namespace icat {
 
+/// A control cycle, as long as the stamps say.
+struct Cycle {
+  double step;   ///< s since the last one; 0 where the stamps do not say
+  double usual;  ///< the step, or what it usually is where that is 0; s, > 0
+};
+
 /// See the file comment. No allocation, no exception after construction.
 class StepClock {
  public:
@@ -71,6 +77,12 @@ class StepClock {
   double step() const noexcept { return step_; }
   /// Sum of all steps, s: a time that never runs backwards.
   double elapsed() const noexcept { return elapsed_; }
+  /// The cycle since `last`, a value of `elapsed`, which moves on to the present one.
+  Cycle since(double& last) const noexcept {
+    const double step = std::max(elapsed_ - last, 0.0);
+    last = elapsed_;
+    return {step, step > 0 ? step : nominal_};
+  }
   /// Mean step of late, s; 0.01 before the first.
   double nominal() const noexcept { return nominal_; }
   /// Ten stamps in a row did not change.
