@@ -267,6 +267,20 @@ TEST(UnifiedHierarchy, ManyActionsAreFast) {
   }
 }
 
+TEST(UnifiedHierarchy, HasNoLimitOfLevels) {
+  Tasks tasks;
+  Action all{"all", {}}, odd{"odd", {}};
+  for (int k = 0; k < 300; ++k) {
+    auto& task = tasks[std::to_string(k)];
+    all.levels.push_back({task});
+    if (k % 2) odd.levels.push_back({task});
+  }
+  const Hierarchy h = icat::unified_hierarchy<Archetype>({odd, all});
+  EXPECT_EQ(extracted(h, 0), text(odd));
+  EXPECT_EQ(extracted(h, 1), text(all));
+  EXPECT_EQ(h.size(), 300u);
+}
+
 TEST(UnifiedHierarchy, TooManyConflictsGiveUp) {
   Tasks tasks;
   std::vector<Action> conflict;
@@ -309,8 +323,6 @@ TEST(UnifiedHierarchy, BadActionsThrow) {
             "unified_hierarchy: two actions are called 'x'");
   EXPECT_EQ(message({tasks.action("x", "A < B < A")}), "action 'x': task 'A' stands in it twice");
   EXPECT_EQ(message({tasks.action("x", "A < < B")}), "action 'x': level 1 has no tasks");
-  Action long_one{"x", std::vector<icat::PriorityLevel<Archetype>>(256)};
-  EXPECT_EQ(message({long_one}), "action 'x': at most 255 levels, got 256");
 }
 
 // --- transitions ---------------------------------------------------------------------------------

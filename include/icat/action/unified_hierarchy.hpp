@@ -11,8 +11,6 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <set>
-#include <string>
 #include <utility>
 #include <vector>
 
@@ -34,11 +32,53 @@ using UnifiedHierarchy = std::vector<std::vector<HierarchyEntry<R>>>;
 
 namespace detail {
 
-/// An action, its tasks as numbers.
-struct NumberedAction {
-  using Level = std::vector<std::size_t>;  // ascending
-  std::string name;
-  std::vector<Level> levels;
+/// In which order each action has its tasks. Actions and tasks are numbers, sets of tasks hold a 0
+/// or 1 for each, and tables are flat: every program that has a controller compiles the search, and
+/// each type of a container is a part of what that costs.
+struct ActionOrders {
+  using Numbers = std::vector<std::size_t>;
+
+  std::size_t tasks;    ///< how many
+  Numbers length = {};  ///< levels of each action
+  Numbers height = {};  ///< of each task, action by action: its level, 1 the lowest; 0: not there
+
+  std::size_t size() const noexcept { return length.size(); }
+  const std::size_t* heights(std::size_t action) const noexcept {
+    return height.data() + action * tasks;
+  }
+  /// Appends an action by the heights of its tasks.
+  [[gnu::cold]] void add(const std::size_t* heights, std::size_t levels) {
+    for (std::size_t t = 0; t < tasks; ++t) height.push_back(heights[t]);
+    length.push_back(levels);
+  }
+  /// Is there a level `k` of `action`, and does it lie in `level`?
+  [[gnu::noinline]] bool fits(std::size_t action, std::size_t k,
+                              const std::size_t* level) const noexcept {
+    if (k == 0 || k > length[action]) return false;
+    const std::size_t* h = heights(action);
+    for (std::size_t t = 0; t < tasks; ++t) {
+      if (h[t] == k && !level[t]) return false;
+    }
+    return true;
+  }
+  /// Puts level `k` of `action` in `level`.
+  [[gnu::noinline]] void merge(std::size_t action, std::size_t k,
+                               std::size_t* level) const noexcept {
+    const std::size_t* h = heights(action);
+    for (std::size_t t = 0; t < tasks; ++t) {
+      if (h[t] == k) level[t] = 1;
+    }
+  }
+  /// Does a list that holds `b` hold `a`?
+  [[gnu::cold]] bool is_within(std::size_t a, std::size_t b) const {
+    std::size_t placed = 0;
+    for (std::size_t k = 1; k <= length[b]; ++k) {
+      Numbers level(tasks, 0);
+      merge(b, k, level.data());
+      if (fits(a, placed + 1, level.data())) ++placed;
+    }
+    return placed == length[a];
+  }
 };
 
 /// An exact search (A*) over how many levels of each action are placed already, from the lowest
@@ -46,291 +86,295 @@ struct NumberedAction {
 /// low as it can, because a shortest list has the smallest upper levels.
 class HierarchySearch {
  public:
-  [[gnu::cold]] HierarchySearch(std::vector<NumberedAction> actions, std::size_t tasks)
-      : all_(std::move(actions)), actions_(all_), found_(tasks) {
+  using Numbers = ActionOrders::Numbers;
+
+  [[gnu::cold]] explicit HierarchySearch(const ActionOrders& actions) : actions_{actions.tasks} {
     // A list that holds an action holds those within it too.
-    for (std::size_t a = actions_.size(); a-- > 0;) {
-      const auto holds = [&](const NumberedAction& b) {
-        return &b != &actions_[a] && is_within(actions_[a], b);
-      };
-      if (std::any_of(actions_.begin(), actions_.end(), holds)) {
-        actions_.erase(actions_.begin() + static_cast<std::ptrdiff_t>(a));
+    Numbers idle(actions.size(), 0);
+    for (std::size_t a = actions.size(); a-- > 0;) {
+      for (std::size_t b = 0; b < actions.size() && !idle[a]; ++b) {
+        idle[a] = b != a && !idle[b] && actions.is_within(a, b);
       }
     }
-    for (std::size_t a = 0; a < actions_.size(); ++a) {
-      auto& levels = actions_[a].levels;
-      std::reverse(levels.begin(), levels.end());
-      for (std::size_t k = 0; k < levels.size(); ++k) {
-        for (const std::size_t task : levels[k]) found_[task].push_back({a, k});
-      }
+    for (std::size_t a = 0; a < actions.size(); ++a) {
+      if (!idle[a]) actions_.add(actions.heights(a), actions.length[a]);
     }
+    const std::size_t tasks = actions.tasks;
+    part_of_ = visit_ = stack_ = waits_ = conflicts_ = Numbers(tasks, 0);
   }
 
-  /// For each unified level, the highest first, which actions place their next level there.
-  [[gnu::cold]] std::vector<std::string> solve() const {
-    std::vector<State> moves;
-    std::vector<std::size_t> placed(all_.size(), 0);
-    for (const Level& level : shortest()) {
-      State& move = moves.emplace_back();
-      move.assign(all_.size(), 0);
-      for (std::size_t a = 0; a < all_.size(); ++a) {
-        if (!fits(all_[a], placed[a], level)) continue;
-        move[a] = 1;
-        ++placed[a];
+  /// The levels of the shortest list, the highest first, as sets of tasks one after the other.
+  /// False where the orders conflict too much.
+  [[gnu::cold]] bool solve(Numbers& list) {
+    constexpr std::size_t most = 100'000, most_choices = 16;
+    const std::size_t count = actions_.size();
+    const Numbers nothing(actions_.tasks, 0);
+    Numbers free, level, choices, placed(count, 0), next;
+    closed_.assign(buckets, 0);
+    nodes_.resize(1);
+    add(0, nothing, placed);
+    while (true) {
+      const std::size_t last = open_;
+      open_ = meld(nodes_[last].left, nodes_[last].right);
+      for (std::size_t a = 0; a < count; ++a) placed[a] = placed_[last * count + a];
+      if (is_closed(placed)) continue;
+      close(last, placed);
+      divide(placed);
+      if (visits_ == 0) {
+        for (std::size_t i = last; i != 1; i = nodes_[i].parent) {
+          for (std::size_t t = 0; t < actions_.tasks; ++t) {
+            list.push_back(levels_[i * actions_.tasks + t]);
+          }
+        }
+        return true;
       }
-    }
-    return moves;
-  }
-
-  /// Puts what `level` lacks of `tasks` in its place.
-  static void merge(const NumberedAction::Level& tasks, NumberedAction::Level& level) {
-    for (const std::size_t task : tasks) {
-      const auto at = std::lower_bound(level.begin(), level.end(), task);
-      if (at == level.end() || *at != task) level.insert(at, task);
+      free = nothing;
+      choices.clear();
+      for (std::size_t a = 0; a < count; ++a) {
+        if (placed[a] == actions_.length[a]) continue;
+        const std::size_t part = part_of_[any_task(a, placed[a] + 1)];
+        if (conflicts_[part] && !is_among(choices, a, placed)) choices.push_back(a);
+        if (!waits_[part]) actions_.merge(a, placed[a] + 1, free.data());
+      }
+      if (nodes_.size() > most || choices.size() > most_choices) return false;
+      // Every subset of the choices may lie here, with all levels that cost no more entries.
+      for (std::size_t subset = 0; (subset >> choices.size()) == 0; ++subset) {
+        level = free;
+        for (std::size_t bit = 0; bit < choices.size(); ++bit) {
+          const std::size_t a = choices[bit];
+          if ((subset >> bit) & 1) actions_.merge(a, placed[a] + 1, level.data());
+        }
+        next = placed;
+        for (std::size_t a = 0; a < count; ++a) {
+          if (actions_.fits(a, placed[a] + 1, level.data())) ++next[a];
+        }
+        if (!is_closed(next)) add(last, level, next);  // The empty subset may place nothing.
+      }
     }
   }
 
  private:
-  using Level = NumberedAction::Level;
-  using Counts = std::vector<std::size_t>;
-  /// How many levels of each action are placed.
-  using State = std::string;  // which compilers have at hand
-  /// A level of a list; its parent is the level below. Cost and bound are (entries, levels).
+  /// A level of a list; its parent is the level below. Cost and bound are (entries, levels). The
+  /// set of its tasks stands in `levels_`, how many levels of each action are placed in `placed_`.
+  /// There is no node 0, node 1 is below all lists.
   struct Node {
-    std::size_t entries_bound{0}, levels_bound{0}, entries{0}, levels{0}, parent{0};
-    Level level;
-    State placed;
+    std::size_t entries_bound{0}, levels_bound{0}, entries{0}, levels{0}, tasks{0}, parent{0};
+    std::size_t left{0}, right{0}, depth{0};  ///< of a leftist heap; its root is the best
+    std::size_t next{0};                      ///< of the closed ones, in the same bucket
   };
-  /// The tasks still to come, divided into strongly connected components: the tasks of a part share
-  /// levels, or come both before and after each other, and then one of them must stand twice.
-  struct Parts {
-    Counts part_of;  ///< of each task; none if it is placed
-    State waits;     ///< Is a level of the part not the next of its action?
-    State conflicts;
-    Counts visit, stack;  ///< of Tarjan's algorithm
-    std::size_t visits{0};
-  };
-  static constexpr std::size_t none = static_cast<std::size_t>(-1);
+  static constexpr std::size_t none = static_cast<std::size_t>(-1), buckets = 4096;
 
-  static std::size_t count(const State& placed, std::size_t a) {
-    return static_cast<unsigned char>(placed[a]);
+  /// Some task of level `k` of action `a`.
+  std::size_t any_task(std::size_t a, std::size_t k) const noexcept {
+    std::size_t task = 0;
+    while (actions_.heights(a)[task] != k) ++task;
+    return task;
   }
-  /// Does the k-th level of `a` exist and lie in `level`?
-  static bool fits(const NumberedAction& a, std::size_t k, const Level& level) {
-    return k < a.levels.size() &&
-           std::includes(level.begin(), level.end(), a.levels[k].begin(), a.levels[k].end());
-  }
-  static bool is_within(const NumberedAction& a, const NumberedAction& b) {
-    std::size_t k = 0;
-    for (const Level& level : b.levels) k += fits(a, k, level) ? 1 : 0;
-    return k == a.levels.size();
-  }
-
-  [[gnu::cold]] std::vector<Level> shortest() const {
-    std::vector<Node> nodes(1);  // They stay, as parents.
-    std::vector<std::size_t> open{0};
-    std::set<State> closed;
-    nodes[0].placed.assign(actions_.size(), 0);
-    const auto worse = [&](std::size_t i, std::size_t j) { return is_worse(nodes, i, j); };
-    while (true) {
-      std::pop_heap(open.begin(), open.end(), worse);
-      std::size_t last = open.back();
-      open.pop_back();
-      if (!closed.insert(nodes[last].placed).second) continue;
-      const State placed = nodes[last].placed;
-      const Parts parts = divide(placed);
-      if (parts.visits == 0) {
-        std::vector<Level> list;
-        for (; last != 0; last = nodes[last].parent) list.push_back(nodes[last].level);
-        return list;
+  /// Is the next level of action `a` that of one of the choices, too?
+  [[gnu::cold]] bool is_among(const Numbers& choices, std::size_t a,
+                              const Numbers& placed) const noexcept {
+    for (const std::size_t b : choices) {
+      std::size_t t = 0;
+      while (t < actions_.tasks && (actions_.heights(a)[t] == placed[a] + 1) ==
+                                       (actions_.heights(b)[t] == placed[b] + 1)) {
+        ++t;
       }
-      Level free;
-      std::vector<Level> choices;
-      for (std::size_t a = 0; a < actions_.size(); ++a) {
-        if (count(placed, a) == actions_[a].levels.size()) continue;
-        const Level& level = actions_[a].levels[count(placed, a)];
-        const std::size_t part = parts.part_of[*level.begin()];
-        if (parts.conflicts[part] &&
-            std::find(choices.begin(), choices.end(), level) == choices.end()) {
-          choices.push_back(level);
-        }
-        if (!parts.waits[part]) merge(level, free);
-      }
-      constexpr std::size_t most = 100'000, most_choices = 16;
-      if (nodes.size() > most || choices.size() > most_choices) give_up();
-      // Every subset of the choices may lie here, with all levels that cost no more entries.
-      for (std::size_t subset = 0; (subset >> choices.size()) == 0; ++subset) {
-        Level level = free;
-        for (std::size_t bit = 0; bit < choices.size(); ++bit) {
-          if ((subset >> bit) & 1) merge(choices[bit], level);
-        }
-        State next = placed;
-        for (std::size_t a = 0; a < actions_.size(); ++a) {
-          if (fits(actions_[a], count(placed, a), level)) ++next[a];
-        }
-        if (closed.count(next) != 0) continue;  // The empty subset may place nothing.
-        open.push_back(nodes.size());
-        nodes.push_back(on_top_of(nodes[last], last, std::move(level), std::move(next)));
-        std::push_heap(open.begin(), open.end(), worse);
-      }
+      if (t == actions_.tasks) return true;
     }
+    return false;
   }
+
+  // --- the states that were left
+
+  static std::size_t bucket(const Numbers& placed) noexcept {
+    std::size_t hash = 0;
+    for (const std::size_t n : placed) hash = 31 * hash + n;
+    return hash % buckets;
+  }
+  void close(std::size_t node, const Numbers& placed) noexcept {
+    std::size_t& first = closed_[bucket(placed)];
+    nodes_[node].next = first;
+    first = node;
+  }
+  [[gnu::noinline]] bool is_closed(const Numbers& placed) const noexcept {
+    const std::size_t count = actions_.size();
+    for (std::size_t i = closed_[bucket(placed)]; i != 0; i = nodes_[i].next) {
+      std::size_t a = 0;
+      while (a < count && placed_[i * count + a] == placed[a]) ++a;
+      if (a == count) return true;
+    }
+    return false;
+  }
+
+  // --- those to go on from
 
   /// Of the same bound, the lists of fewer levels are grown first: then all lists that reach a
   /// state are known when the best of them, the one with the smallest upper levels, is taken.
-  static bool is_worse(const std::vector<Node>& nodes, std::size_t i, std::size_t j) {
-    const Node &a = nodes[i], &b = nodes[j];
+  [[gnu::noinline]] bool is_worse(std::size_t i, std::size_t j) const noexcept {
+    const Node &a = nodes_[i], &b = nodes_[j];
     if (a.entries_bound != b.entries_bound) return a.entries_bound > b.entries_bound;
     if (a.levels_bound != b.levels_bound) return a.levels_bound > b.levels_bound;
     if (a.levels != b.levels) return a.levels > b.levels;
-    for (std::size_t k = i, l = j; k != l; k = nodes[k].parent, l = nodes[l].parent) {
-      const std::size_t m = nodes[k].level.size(), n = nodes[l].level.size();
-      if (m != n) return m > n;
+    for (std::size_t k = i, l = j; k != l; k = nodes_[k].parent, l = nodes_[l].parent) {
+      if (nodes_[k].tasks != nodes_[l].tasks) return nodes_[k].tasks > nodes_[l].tasks;
     }
     return i > j;
   }
-
+  /// The heap of two. The shorter path to an empty place is on the right.
+  [[gnu::cold]] std::size_t meld(std::size_t i, std::size_t j) noexcept {
+    if (i == 0 || j == 0) return i + j;
+    if (is_worse(i, j)) return meld(j, i);
+    Node& node = nodes_[i];
+    node.right = meld(node.right, j);
+    if (nodes_[node.left].depth < nodes_[node.right].depth) std::swap(node.left, node.right);
+    node.depth = nodes_[node.right].depth + 1;
+    return i;
+  }
   /// Every task still to come needs an entry, every part with a conflict one more, and the longest
   /// rest its levels.
-  Node on_top_of(const Node& below, std::size_t parent, Level level, State placed) const {
-    const Parts parts = divide(placed);
-    const auto conflicts = std::count(parts.conflicts.begin(), parts.conflicts.end(), '\1');
+  [[gnu::cold]] void add(std::size_t below, const Numbers& level, const Numbers& placed) {
+    divide(placed);
+    Node node;
+    for (const std::size_t there : level) node.tasks += there;
+    node.entries = nodes_[below].entries + node.tasks;
+    node.levels = nodes_[below].levels + 1;
+    node.entries_bound = node.entries + visits_;
+    for (std::size_t part = 0; part < parts_; ++part) node.entries_bound += conflicts_[part];
     std::size_t longest = 0;
     for (std::size_t a = 0; a < actions_.size(); ++a) {
-      longest = std::max(longest, actions_[a].levels.size() - count(placed, a));
+      longest = std::max(longest, actions_.length[a] - placed[a]);
     }
-    Node node;
-    node.entries = below.entries + level.size();
-    node.levels = below.levels + 1;
-    node.entries_bound = node.entries + parts.visits + static_cast<std::size_t>(conflicts);
     node.levels_bound = node.levels + longest;
-    node.parent = parent;
-    node.level = std::move(level);
-    node.placed = std::move(placed);
-    return node;
+    node.parent = below;
+    node.depth = 1;
+    placed_.resize(nodes_.size() * actions_.size());
+    for (const std::size_t n : placed) placed_.push_back(n);
+    levels_.resize(nodes_.size() * actions_.tasks);
+    for (const std::size_t there : level) levels_.push_back(there);
+    nodes_.push_back(node);
+    open_ = meld(open_, nodes_.size() - 1);
   }
 
-  Parts divide(const State& placed) const {
-    Parts parts;
-    parts.part_of.assign(found_.size(), none);
-    parts.visit = parts.part_of;
+  // --- the tasks still to come
+
+  /// Divides them into strongly connected components (Tarjan's algorithm): the tasks of a part
+  /// share levels, or come both before and after each other, and then one of them must stand twice.
+  [[gnu::cold]] void divide(const Numbers& placed) {
+    visits_ = parts_ = stacked_ = 0;
+    for (std::size_t t = 0; t < actions_.tasks; ++t) part_of_[t] = visit_[t] = none;
     for (std::size_t a = 0; a < actions_.size(); ++a) {
       std::size_t before = none;
-      for (std::size_t k = count(placed, a); k < actions_[a].levels.size(); ++k) {
-        const std::size_t task = *actions_[a].levels[k].begin();
-        if (parts.visit[task] == none) visit(task, placed, parts);
-        const std::size_t part = parts.part_of[task];
-        if (k > count(placed, a)) parts.waits[part] = 1;
-        if (part == before) parts.conflicts[part] = 1;
+      for (std::size_t k = placed[a] + 1; k <= actions_.length[a]; ++k) {
+        const std::size_t task = any_task(a, k);
+        if (visit_[task] == none) visit(task, placed);
+        const std::size_t part = part_of_[task];
+        if (k > placed[a] + 1) waits_[part] = 1;
+        if (part == before) conflicts_[part] = 1;
         before = part;
       }
     }
-    return parts;
   }
   /// Goes from `task` to those of its levels and of the next ones. Returns the earliest visit that
   /// it comes back to.
-  std::size_t visit(std::size_t task, const State& placed, Parts& parts) const {
-    std::size_t earliest = parts.visit[task] = parts.visits++;
-    parts.stack.push_back(task);
-    for (const auto& [a, first] : found_[task]) {
-      if (first < count(placed, a)) continue;
-      for (std::size_t k = first; k < std::min(first + 2, actions_[a].levels.size()); ++k) {
-        for (const std::size_t other : actions_[a].levels[k]) {
-          if (parts.visit[other] == none) {
-            earliest = std::min(earliest, visit(other, placed, parts));
-          } else if (parts.part_of[other] == none) {
-            earliest = std::min(earliest, parts.visit[other]);
-          }
-        }
+  [[gnu::cold]] std::size_t visit(std::size_t task, const Numbers& placed) {
+    std::size_t earliest = visit_[task] = visits_++;
+    stack_[stacked_++] = task;
+    for (std::size_t a = 0; a < actions_.size(); ++a) {
+      const std::size_t* h = actions_.heights(a);
+      if (h[task] <= placed[a]) continue;  // placed, or not in the action
+      for (std::size_t t = 0; t < actions_.tasks; ++t) {
+        if ((h[t] != h[task] && h[t] != h[task] + 1) || part_of_[t] != none) continue;
+        const std::size_t back = visit_[t] == none ? visit(t, placed) : visit_[t];
+        if (back < earliest) earliest = back;
       }
     }
-    if (earliest != parts.visit[task]) return earliest;
-    while (parts.part_of[task] == none) {
-      parts.part_of[parts.stack.back()] = parts.waits.size();
-      parts.stack.pop_back();
-    }
-    parts.waits.push_back(0);
-    parts.conflicts.push_back(0);
+    if (earliest != visit_[task]) return earliest;
+    while (part_of_[task] == none) part_of_[stack_[--stacked_]] = parts_;
+    waits_[parts_] = conflicts_[parts_] = 0;
+    ++parts_;
     return earliest;
   }
 
-  /// Names the two actions that order most pairs of tasks differently.
-  [[noreturn]] [[gnu::cold]] void give_up() const {
-    std::vector<Counts> rank(actions_.size(), Counts(found_.size(), 0));  // 0: not in the action
-    for (std::size_t task = 0; task < found_.size(); ++task) {
-      for (const auto& [a, k] : found_[task]) rank[a][task] = k + 1;
-    }
-    std::size_t most = 0, first = 0, second = 0;
-    for (std::size_t a = 0; a < rank.size(); ++a) {
-      for (std::size_t b = a + 1; b < rank.size(); ++b) {
-        const Counts &in_a = rank[a], &in_b = rank[b];
+  ActionOrders actions_;  ///< those to search over
+  std::vector<Node> nodes_;
+  Numbers placed_, levels_;  ///< of each node
+  std::size_t open_{0};      ///< the best of those to go on from
+  Numbers closed_;           ///< the first of each bucket
+  // Of the tasks still to come.
+  Numbers part_of_;  ///< of each task; none if it is placed
+  Numbers visit_, stack_;
+  Numbers waits_;      ///< Is a level of the part not the next of its action?
+  Numbers conflicts_;  ///< Is there one in the part?
+  std::size_t visits_{0}, stacked_{0}, parts_{0};
+};
+
+/// The two actions that order most pairs of tasks differently.
+struct ConflictingActions {
+  std::size_t first{0}, second{0};
+
+  [[gnu::cold]] static ConflictingActions of(const ActionOrders& actions) {
+    ConflictingActions worst;
+    std::size_t most = 0;
+    for (std::size_t a = 0; a < actions.size(); ++a) {
+      for (std::size_t b = a + 1; b < actions.size(); ++b) {
+        const std::size_t *in_a = actions.heights(a), *in_b = actions.heights(b);
         std::size_t count = 0;
-        for (std::size_t t = 0; t < found_.size(); ++t) {
-          for (std::size_t u = 0; u < found_.size(); ++u) {
+        for (std::size_t t = 0; t < actions.tasks; ++t) {
+          for (std::size_t u = 0; u < actions.tasks; ++u) {
             if (in_a[t] && in_b[u] && in_a[t] < in_a[u] && in_b[t] >= in_b[u]) ++count;
           }
         }
-        if (count > most) most = count, first = a, second = b;
+        if (count > most) most = count, worst = {a, b};
       }
     }
-    invalid("unified_hierarchy: the orders conflict too much for a shortest list, most of all '",
-            actions_[first].name, "' and '", actions_[second].name, "'; use fewer actions");
+    return worst;
   }
-
-  std::vector<NumberedAction> all_;
-  std::vector<NumberedAction> actions_;  ///< those to search over, the lowest level first
-  /// Of each task, where it stands in `actions_`: action and level.
-  std::vector<std::vector<std::pair<std::size_t, std::size_t>>> found_;
 };
 
+/// The tasks of all actions, each once: their numbers are the indices here.
 template <Robot R>
-[[gnu::cold]] void check_actions(const std::vector<Action<R>>& actions) {
-  if (actions.empty()) invalid("unified_hierarchy: there are no actions");
-  constexpr std::size_t most_levels = 255;
-  for (std::size_t a = 0; a < actions.size(); ++a) {
-    const Action<R>& action = actions[a];
-    for (std::size_t b = 0; b < a; ++b) {
+[[gnu::cold]] std::vector<Task<R>*> distinct_tasks(const std::vector<Action<R>>& actions) {
+  std::vector<Task<R>*> tasks;
+  for (const Action<R>& action : actions) {
+    for (const PriorityLevel<R>& level : action.levels) {
+      for (Task<R>& task : level) {
+        std::size_t i = 0;
+        while (i < tasks.size() && tasks[i] != &task) ++i;
+        if (i == tasks.size()) tasks.push_back(&task);
+      }
+    }
+  }
+  return tasks;
+}
+
+/// The orders of the actions, which are checked.
+template <Robot R>
+[[gnu::cold]] ActionOrders action_orders(const std::vector<Action<R>>& actions,
+                                         const std::vector<Task<R>*>& tasks) {
+  ActionOrders orders{tasks.size()};
+  for (const Action<R>& action : actions) {
+    for (std::size_t b = 0; b < orders.size(); ++b) {
       if (actions[b].name == action.name) {
         invalid("unified_hierarchy: two actions are called '", action.name, "'");
       }
     }
-    if (action.levels.size() > most_levels) {
-      invalid("action '", action.name, "': at most ", most_levels, " levels, got ",
-              action.levels.size());
-    }
-    std::vector<const void*> seen;
+    ActionOrders::Numbers heights(tasks.size(), 0);
     for (std::size_t k = 0; k < action.levels.size(); ++k) {
       if (action.levels[k].empty()) {
         invalid("action '", action.name, "': level ", k, " has no tasks");
       }
-      for (const Task<R>& task : action.levels[k]) {
-        if (std::find(seen.begin(), seen.end(), &task) != seen.end()) {
+      for (Task<R>& task : action.levels[k]) {
+        std::size_t i = 0;
+        while (tasks[i] != &task) ++i;
+        if (heights[i] != 0) {
           invalid("action '", action.name, "': task '", task.name(), "' stands in it twice");
         }
-        seen.push_back(&task);
+        heights[i] = action.levels.size() - k;
       }
     }
+    orders.add(heights.data(), action.levels.size());
   }
-}
-
-/// The order in which the actions' levels are placed, see `HierarchySearch::solve`.
-template <Robot R>
-[[gnu::cold]] std::vector<std::string> place_levels(const std::vector<Action<R>>& actions) {
-  std::vector<const void*> tasks;  // a task's number is its index here
-  std::vector<NumberedAction> numbered;
-  for (const auto& action : actions) {
-    NumberedAction& mine = numbered.emplace_back();
-    mine.name = action.name;
-    for (const auto& level : action.levels) {
-      NumberedAction::Level& numbers = mine.levels.emplace_back();
-      for (const Task<R>& task : level) {
-        const auto found = std::find(tasks.begin(), tasks.end(), &task);
-        HierarchySearch::merge({static_cast<std::size_t>(found - tasks.begin())}, numbers);
-        if (found == tasks.end()) tasks.push_back(&task);
-      }
-    }
-  }
-  return HierarchySearch(std::move(numbered), tasks.size()).solve();
+  return orders;
 }
 
 }  // namespace detail
@@ -338,23 +382,38 @@ template <Robot R>
 /// The shortest unified list of the actions. Fast wherever their orders agree, however many they
 /// are; grows with the conflicts, and gives up with an exception rather than take minutes. For
 /// configuration, not for the control step. Allocates.
-/// @throws std::invalid_argument on no actions, two of the same name, an empty level, more than 255
-///         levels, a task that stands twice in one action, or orders that conflict too much.
+/// @throws std::invalid_argument on no actions, two of the same name, an empty level, a task that
+///         stands twice in one action, or orders that conflict too much.
 template <Robot R>
 [[gnu::cold]] UnifiedHierarchy<R> unified_hierarchy(const std::vector<Action<R>>& actions) {
-  detail::check_actions(actions);
-  UnifiedHierarchy<R> levels;
-  std::vector<std::size_t> placed(actions.size(), 0);
-  for (const std::string& move : detail::place_levels(actions)) {
-    auto& level = levels.emplace_back();
+  if (actions.empty()) detail::invalid("unified_hierarchy: there are no actions");
+  const std::vector<Task<R>*> tasks = detail::distinct_tasks(actions);
+  const detail::ActionOrders orders = detail::action_orders(actions, tasks);
+  detail::ActionOrders::Numbers list, left = orders.length;
+  if (!detail::HierarchySearch(orders).solve(list)) {
+    const auto worst = detail::ConflictingActions::of(orders);
+    detail::invalid(
+        "unified_hierarchy: the orders conflict too much for a shortest list, most of all '",
+        actions[worst.first].name, "' and '", actions[worst.second].name, "'; use fewer actions");
+  }
+  UnifiedHierarchy<R> levels(tasks.empty() ? 0 : list.size() / tasks.size());
+  for (std::size_t k = 0; k < levels.size(); ++k) {
+    const std::size_t* level = list.data() + k * tasks.size();
+    std::size_t count = 0;
+    for (std::size_t t = 0; t < tasks.size(); ++t) count += level[t];
+    levels[k] = std::vector<HierarchyEntry<R>>(count);
+    for (std::size_t t = 0, i = 0; t < tasks.size(); ++t) {
+      if (!level[t]) continue;
+      levels[k][i].task = tasks[t];
+      levels[k][i++].in_action = std::vector<bool>(actions.size());
+    }
     for (std::size_t a = 0; a < actions.size(); ++a) {
-      if (move[a] == 0) continue;
-      for (Task<R>& task : actions[a].levels[placed[a]++]) {
-        std::size_t i = 0;
-        while (i < level.size() && level[i].task != &task) ++i;
-        if (i == level.size()) level.push_back({&task, std::vector<bool>(actions.size(), false)});
-        level[i].in_action[a] = true;
+      if (!orders.fits(a, left[a], level)) continue;
+      for (std::size_t t = 0, i = 0; t < tasks.size(); ++t) {
+        if (orders.heights(a)[t] == left[a]) levels[k][i].in_action[a] = true;
+        i += level[t];
       }
+      --left[a];
     }
   }
   return levels;
