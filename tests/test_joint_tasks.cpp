@@ -6,6 +6,7 @@
 #include <icat/task/column_tasks.hpp>
 #include <icat/task/joint_tasks.hpp>
 #include <icat/task/manipulability.hpp>
+#include <random>
 
 #include "support/task_checks.hpp"
 
@@ -423,6 +424,46 @@ TYPED_TEST(JointTasks, ManipulabilityHasAnExactGradient) {
         place(twin, s);
         // "stretched" is singular for the arms: the kink of μ.
         testing_support::expect_same(t, exact, s.name == "stretched");
+      }
+    }
+  }
+}
+
+// Matrices of known singular values, down to what is singular as far as rounding can tell.
+TEST(Manipulability, TheMeasureIsThatOfTheSingularValues) {
+  std::mt19937 rng(5);
+  std::normal_distribution<double> normal;
+  const auto orthogonal = [&](Index n, Index columns) {
+    Eigen::MatrixXd a(n, n);
+    for (Index i = 0; i < a.size(); ++i) a(i) = normal(rng);
+    const Eigen::MatrixXd q = Eigen::HouseholderQR<Eigen::MatrixXd>(a).householderQ();
+    return Eigen::MatrixXd(q.leftCols(columns));
+  };
+  for (const Index m : {1, 2, 3, 5, 6, 7, 12}) {
+    const Index side = std::min<Index>(m, 6);
+    for (const double smallest : {1.0, 1e-2, 1e-5, 1e-9, 0.0}) {
+      SCOPED_TRACE(testing::Message() << m << ' ' << smallest);
+      Eigen::VectorXd sigma(side), others = Eigen::VectorXd::Ones(side);
+      for (Index k = 0; k < side; ++k) sigma(k) = 1 + 0.3 * static_cast<double>(k);
+      sigma(side - 1) = m == 1 ? 1 : smallest;
+      for (Index k = 0; k < side; ++k) {
+        for (Index l = 0; l < side; ++l) others(k) *= l == k ? 1 : sigma(l);
+      }
+      const Eigen::MatrixXd u = orthogonal(6, side), v = orthogonal(m, side);
+      const Eigen::MatrixXd J = u * sigma.asDiagonal() * v.transpose();
+      icat::detail::ManipulabilityMeasure<double> measure(m);
+      for (Index j = 0; j < m; ++j) {
+        for (Index i = 0; i < 6; ++i) measure(i, j) = J(i, j);
+      }
+      // J itself is known to some 1e-15, and so are its singular values.
+      EXPECT_NEAR(measure.compute(), sigma.prod(), 1e-14 * others.maxCoeff());
+      Eigen::MatrixXd Y = u * others.asDiagonal() * v.transpose();
+      if (sigma.minCoeff() == 0) Y.setZero();
+      const double tolerance = sigma.minCoeff() > 0 ? 1e-14 / sigma.minCoeff() : 0;
+      for (Index j = 0; j < m; ++j) {
+        for (Index i = 0; i < 6; ++i) {
+          EXPECT_NEAR(measure(i, j), Y(i, j), tolerance * others.maxCoeff());
+        }
       }
     }
   }

@@ -55,7 +55,7 @@ class KinematicTree {
   ///         fault; names that stand twice; axes not of length 1; limits out of order; poses that
   ///         are none; another number of columns than `N`.
   [[gnu::cold]] explicit KinematicTree(const Description& description)
-      : base_motion_(description.base.motion()) {
+      : base_motion_(description.base.motion()), base_twist_(base_motion_) {
     build(description);
     const Index n = joint_count() + base_motion_.cols();
     if (N != Eigen::Dynamic && n != N) {
@@ -249,6 +249,13 @@ class KinematicTree {
   Index joint_count() const noexcept { return static_cast<Index>(joints_.size()); }
 
   void compute() noexcept {
+    const Matrix3<Scalar> turn = detail::rotation(bodies_[0].pose);
+    for (Index j = 0; j < base_motion_.cols(); ++j) {
+      for (Index row = 0; row < 6; row += 3) {
+        detail::set_column3(base_twist_, row, j,
+                            detail::times(turn, detail::column3(base_motion_, row, j)));
+      }
+    }
     for (std::size_t i = 1; i < bodies_.size(); ++i) {
       Body& b = bodies_[i];
       const Pose<Scalar>& parent = body(b.parent).pose;
@@ -290,13 +297,12 @@ class KinematicTree {
   // What the base's columns do to a point `p` that moves with it; 3 × n or 6 × n.
   template <class M>
   void fill_base_columns(const Vector3<Scalar>& p, M& J) const noexcept {
-    const Matrix3<Scalar> R = detail::rotation(bodies_[0].pose);
     const Vector3<Scalar> r = detail::minus(p, detail::origin(bodies_[0].pose));
     for (Index j = 0; j < base_motion_.cols(); ++j) {
-      const Vector3<Scalar> angular = detail::times(R, detail::column3(base_motion_, 3, j));
-      detail::set_column3(J, 0, joint_count() + j,
-                          detail::plus(detail::times(R, detail::column3(base_motion_, 0, j)),
-                                       detail::cross(angular, r)));
+      const Vector3<Scalar> angular = detail::column3(base_twist_, 3, j);
+      detail::set_column3(
+          J, 0, joint_count() + j,
+          detail::plus(detail::column3(base_twist_, 0, j), detail::cross(angular, r)));
       if constexpr (M::RowsAtCompileTime == 6) {
         detail::set_column3(J, 3, joint_count() + j, angular);
       }
@@ -501,8 +507,8 @@ class KinematicTree {
   };
 
   Index dof_{0};
-  typename Base<Scalar>::Motion base_motion_;
-  std::vector<Body> bodies_;  // a body after its parent
+  typename Base<Scalar>::Motion base_motion_, base_twist_;  // components on the base; on ⟨0⟩
+  std::vector<Body> bodies_;                                // a body after its parent
   std::vector<Frame> frames_;
   std::vector<JointInfo<Scalar>> joints_;
   std::vector<Index> joint_body_;

@@ -3,13 +3,14 @@
 /// Manipulability of a frame by some joints, with its gradient:
 ///
 ///     μ = √det(J Jᵀ) = Π σ_k,  J = Σ σ_k u_k v_kᵀ the columns of those joints  [MARIS, Eq. (14)]
-///     ∂μ/∂q_i = Σ_k (Π_{l≠k} σ_l) u_kᵀ (∂J/∂q_i) v_k
+///     ∂μ/∂q_i = Σ_j y_jᵀ ∂J_j/∂q_i,  Y = μ (J^#)ᵀ
 ///     ∂J_j/∂q_i = [ω_i × v_j; ω_i × ω_j] for i at or before j on the way to the frame,
 ///                 [ω_j × v_i; 0] after it
 ///
-/// The second line equals μ tr(∂J/∂q_i J^#) without its 0 · ∞ at a singular arm. For fewer than six
-/// joints μ = √det(JᵀJ). μ has a kink at a singular arm; the gradient leaves out the part of a
-/// vanished σ_k, which is the mean of both sides.
+/// The second line is μ tr(∂J/∂q_i J^#). For fewer than six joints μ = √det(JᵀJ). With the
+/// orthogonal Q and the triangular R of Jᵀ, or of J for fewer than six joints, μ = Π |r_kk| and
+/// Y = μ Q R⁻ᵀ (transposed or not): both are as exact as J is, also near a singular arm. μ has a
+/// kink there, where the gradient is 0, the mean of both sides.
 ///
 /// On the way from the base to a frame the columns of joints must be in that order, as they are in
 /// every tree of this library and of the adapters, and none may be moved by a mimic.
@@ -21,120 +22,89 @@
 #include <vector>
 
 #include "icat/math/spatial_algebra.hpp"
-#include "icat/math/symmetric_eigen.hpp"
 #include "icat/task/task.hpp"
 
 namespace icat {
 namespace detail {
 
-/// μ and ∂μ/∂q of a 6 × m block of the frame's Jacobian.
+/// μ and μ (J^#)ᵀ of a 6 × m matrix J. Construction allocates; nothing else does.
 template <class Scalar>
 class ManipulabilityMeasure {
  public:
-  explicit ManipulabilityMeasure(const std::vector<Index>& columns)
-      : columns_(columns),
-        m_(static_cast<Index>(columns.size())),
-        side_(std::min<Index>(m_, 6)),
-        eigen_(6),
-        block_(zeros<Block>(6, m_)),
-        y_(block_) {}
+  explicit ManipulabilityMeasure(Index columns)
+      : wide_(columns >= 6),
+        rows_(wide_ ? columns : 6),
+        side_(wide_ ? 6 : columns),
+        q_(static_cast<std::size_t>(rows_ * side_)) {}
 
-  /// μ of the columns of `J`. No allocation.
-  template <class Jacobian>
-  Scalar compute(const Jacobian& J) noexcept {
-    for (Index j = 0; j < m_; ++j) {
-      for (Index i = 0; i < 6; ++i) block_(i, j) = J(i, column(j));
-    }
-    fill(y_, Scalar(0));
-    return solve(side_);
-  }
+  /// The element of J in row `i` and column `j`, to be set before `compute`; after it, that of
+  /// μ (J^#)ᵀ.
+  Scalar& operator()(Index i, Index j) noexcept { return wide_ ? at(j, i) : at(i, j); }
 
-  /// ∂μ/∂q for the joint in column `c` of `J`, after `compute`.
-  template <class Jacobian>
-  Scalar gradient(const Jacobian& J, Index c) const noexcept {
-    const Vector3<Scalar> linear_i = column3(J, 0, c), angular_i = column3(J, 3, c);
-    Scalar sum(0);
-    for (Index j = 0; j < m_; ++j) {
-      const Vector3<Scalar> linear_j = column3(block_, 0, j), angular_j = column3(block_, 3, j);
-      const Vector3<Scalar> y_linear = column3(y_, 0, j);
-      if (c <= column(j)) {
-        sum += dot(angular_i, plus(cross(linear_j, y_linear), cross(angular_j, column3(y_, 3, j))));
-      } else {
-        sum += dot(cross(angular_j, linear_i), y_linear);
-      }
-    }
-    return sum;
-  }
-
- private:
-  using Block = Eigen::Matrix<Scalar, 6, Eigen::Dynamic>;
-  using Small = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, 6>;
-  Index column(Index k) const noexcept { return columns_[static_cast<std::size_t>(k)]; }
-  static Scalar dot6(const Scalar* a, const Scalar* b) noexcept {
-    return (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) + (a[3] * b[3] + a[4] * b[4] + a[5] * b[5]);
-  }
-
-  Scalar solve(Index side) noexcept {
-    // J Jᵀ, or JᵀJ for fewer than six columns: the side that has full rank.
-    const bool tall = side < 6;
-    const Scalar* J = block_.data();
-    Small S(side, side);
-    fill(S, Scalar(0));
-    for (Index j = 0; j < m_; ++j) {
-      for (Index b = 0; b < side; ++b) {
-        if (tall) {
-          S(b, j) = dot6(J + 6 * b, J + 6 * j);
-          continue;
+  /// μ; where J has not full rank as far as rounding can tell, all is 0.
+  Scalar compute() noexcept {
+    // Gram–Schmidt with column pivoting; each column once more, for what rounding left of the
+    // others in it.
+    const Scalar rounding = Scalar(16) * std::numeric_limits<Scalar>::epsilon();
+    Scalar R[6][6], value(1);
+    Index order[6] = {0, 1, 2, 3, 4, 5};
+    for (Index k = 0; k < side_; ++k) {
+      Scalar largest(-1);
+      Index pivot = k;
+      for (Index c = k; c < side_; ++c) {
+        const Scalar square = dot(order[c], order[c]);
+        if (square > largest) {
+          largest = square;
+          pivot = c;
         }
-        const Scalar x = J[6 * j + b];
-        for (Index a = 0; a < side; ++a) S(a, b) += J[6 * j + a] * x;
       }
+      std::swap(order[k], order[pivot]);
+      for (Index j = 0; j < k; ++j) std::swap(R[j][k], R[j][pivot]);
+      for (Index j = 0; j < k; ++j) R[j][k] += take_out(order[j], order[k]);
+      R[k][k] = std::sqrt(dot(order[k], order[k]));
+      if (!(R[k][k] > rounding * R[0][0])) {
+        std::fill(q_.begin(), q_.end(), Scalar(0));
+        return Scalar(0);
+      }
+      value *= R[k][k];
+      scale(order[k], Scalar(1) / R[k][k]);
+      for (Index c = k + 1; c < side_; ++c) R[k][c] = take_out(order[k], order[c]);
     }
-    if (!eigen_.compute(S)) return Scalar(0);
-
-    // σ_k from J itself: the square root of a small eigenvalue of the Gram matrix is noise.
-    const auto& V = eigen_.vectors();
-    Scalar sigma[6], largest(0), value(1);
-    for (Index k = 0; k < side; ++k) {
-      Scalar square(0);
-      for (Index i = 0; i < (tall ? 6 : m_); ++i) {
-        Scalar sum(0);
-        for (Index l = 0; l < side; ++l) sum += (tall ? J[6 * l + i] : J[6 * i + l]) * V(l, k);
-        square += sum * sum;
-      }
-      sigma[k] = std::sqrt(square);
-      value *= sigma[k];
-      largest = sigma[k] > largest ? sigma[k] : largest;
-    }
-    // y = μ (J^#)ᵀ = A J or J A, A = Σ_k (Π_{l≠k} σ_l / σ_k) s_k s_kᵀ over that side's vectors.
-    // Below `rounding` σ_k is noise, and so would be what is divided by it.
-    const Scalar rounding = Scalar(16) * std::numeric_limits<Scalar>::epsilon() * largest;
-    fill(S, Scalar(0));
-    for (Index k = 0; k < side; ++k) {
-      if (!(sigma[k] > rounding)) continue;
-      Scalar weight = Scalar(1) / sigma[k];
-      for (Index l = 0; l < side; ++l) {
-        if (l != k) weight *= sigma[l];
-      }
-      for (Index b = 0; b < side; ++b) {
-        const Scalar factor = weight * V(b, k);
-        for (Index a = 0; a < side; ++a) S(a, b) += factor * V(a, k);
-      }
-    }
-    for (Index j = 0; j < m_; ++j) {
-      for (Index l = 0; l < side; ++l) {
-        const Scalar factor = tall ? S(l, j) : J[6 * j + l];
-        const Scalar* x = tall ? J + 6 * l : S.data() + 6 * l;
-        for (Index i = 0; i < 6; ++i) y_(i, j) += factor * x[i];
-      }
+    // Y Rᵀ = μ Q, from the last column on.
+    for (Index k = side_; k-- > 0;) {
+      scale(order[k], value);
+      for (Index c = k + 1; c < side_; ++c) add(order[k], -R[k][c], order[c]);
+      scale(order[k], Scalar(1) / R[k][k]);
     }
     return value;
   }
 
-  std::vector<Index> columns_;
-  Index m_, side_;
-  SymmetricEigen<Scalar, 6> eigen_;
-  Block block_, y_;  // the columns, and μ (J^#)ᵀ
+ private:
+  Scalar& at(Index i, Index j) noexcept { return q_[static_cast<std::size_t>(rows_ * j + i)]; }
+  Scalar dot(Index a, Index b) noexcept {
+    const Scalar *x = &at(0, a), *y = &at(0, b);
+    Scalar sum(0);
+    for (Index i = 0; i < rows_; ++i) sum += x[i] * y[i];
+    return sum;
+  }
+  void add(Index a, Scalar s, Index b) noexcept {
+    Scalar *x = &at(0, a), *y = &at(0, b);
+    for (Index i = 0; i < rows_; ++i) x[i] += s * y[i];
+  }
+  void scale(Index a, Scalar s) noexcept {
+    Scalar* x = &at(0, a);
+    for (Index i = 0; i < rows_; ++i) x[i] *= s;
+  }
+  // Takes the part along the unit vector a out of b; how much it was.
+  Scalar take_out(Index a, Index b) noexcept {
+    const Scalar part = dot(a, b);
+    add(b, -part, a);
+    return part;
+  }
+
+  bool wide_;
+  Index rows_, side_;
+  std::vector<Scalar> q_;  // rows × side by columns: Jᵀ if it is wide, else J; then Q; then Y
 };
 
 }  // namespace detail
@@ -169,7 +139,8 @@ class Manipulability : public ScalarTask<R> {
       : ScalarTask<R>(robot, options.name, objective, options.gain, options.max_rate),
         frame_(frame),
         joints_(moving(robot, frame, {}, options.name)),
-        measure_(moving(robot, frame, options.joints, options.name)) {
+        chosen_(moving(robot, frame, options.joints, options.name)),
+        measure_(static_cast<Index>(chosen_.size())) {
     if constexpr (requires { robot.moved_by_mimic(frame); }) {
       if (robot.moved_by_mimic(frame)) {
         detail::invalid("task '", options.name, "': a mimic is among the joints of the frame");
@@ -202,13 +173,45 @@ class Manipulability : public ScalarTask<R> {
 
   void compute() noexcept override {
     const auto& J = this->robot().jacobian(frame_);
-    const Scalar value = measure_.compute(J);
-    for (const Index c : joints_) this->jacobian_(0, c) = measure_.gradient(J, c);
-    this->set_value(value);
+    Index k = 0;
+    for (const Index c : chosen_) {
+      for (Index i = 0; i < 6; ++i) measure_(i, k) = J(i, c);
+      ++k;
+    }
+    this->set_value(measure_.compute());
+    // With a · (b × c) = b · (c × a) the sums over j > i, and over j < i, are sums over j that grow
+    // from joint to joint.
+    const Vector3<Scalar> none(Scalar(0), Scalar(0), Scalar(0));
+    Vector3<Scalar> before = none, after = none;
+    k = 0;
+    for (const Index c : joints_) {
+      this->jacobian_(0, c) = detail::dot(detail::column3(J, 0, c), before);
+      if (!is_chosen(k, c)) continue;
+      before = detail::plus(before, detail::cross(y(0, k), detail::column3(J, 3, c)));
+      ++k;
+    }
+    for (std::size_t i = joints_.size(); i-- > 0;) {
+      const Index c = joints_[i];
+      const Vector3<Scalar> linear = detail::column3(J, 0, c), angular = detail::column3(J, 3, c);
+      if (is_chosen(k - 1, c)) {
+        --k;
+        after = detail::plus(
+            after, detail::plus(detail::cross(linear, y(0, k)), detail::cross(angular, y(3, k))));
+      }
+      this->jacobian_(0, c) += detail::dot(angular, after);
+    }
+  }
+  bool is_chosen(Index k, Index column) const noexcept {
+    return k >= 0 && k < static_cast<Index>(chosen_.size()) &&
+           chosen_[static_cast<std::size_t>(k)] == column;
+  }
+  // Three rows of column `k` of μ (J^#)ᵀ.
+  Vector3<Scalar> y(Index row, Index k) noexcept {
+    return {measure_(row, k), measure_(row + 1, k), measure_(row + 2, k)};
   }
 
   FrameId frame_;
-  std::vector<Index> joints_;  // columns of all joints that move the frame
+  std::vector<Index> joints_, chosen_;  // columns of all joints that move the frame; of the task's
   detail::ManipulabilityMeasure<Scalar> measure_;
 };
 
