@@ -289,8 +289,7 @@ class PinocchioRobot : public ForeignRobot<ScalarType> {
         detail::fill(point_, Scalar(0));
         pinocchio::getJointJacobian(model_, data_, j, pinocchio::LOCAL_WORLD_ALIGNED, point_);
         for (Index c = 0; c < model_.nv; ++c) {
-          const Vector3<Scalar> v = detail::plus(detail::column3(point_, 0, c),
-                                                 detail::cross(detail::column3(point_, 3, c), r));
+          const Vector3<Scalar> v = detail::velocity_at(point_, c, r);
           for (Index row = 0; row < 3; ++row) J(row, c) += share * v(row);
         }
       }

@@ -299,12 +299,9 @@ class KinematicTree {
   void fill_base_columns(const Vector3<Scalar>& p, M& J) const noexcept {
     const Vector3<Scalar> r = detail::minus(p, detail::origin(bodies_[0].pose));
     for (Index j = 0; j < base_motion_.cols(); ++j) {
-      const Vector3<Scalar> angular = detail::column3(base_twist_, 3, j);
-      detail::set_column3(
-          J, 0, joint_count() + j,
-          detail::plus(detail::column3(base_twist_, 0, j), detail::cross(angular, r)));
+      detail::set_column3(J, 0, joint_count() + j, detail::velocity_at(base_twist_, j, r));
       if constexpr (M::RowsAtCompileTime == 6) {
-        detail::set_column3(J, 3, joint_count() + j, angular);
+        detail::set_column3(J, 3, joint_count() + j, detail::column3(base_twist_, 3, j));
       }
     }
   }
