@@ -379,7 +379,11 @@ std::vector<MeasureCase> measures() {
           {"right_hand", {"right4", "right1"}},        // two, in another order
           {"left_hand", {"waist", "left2", "left4"}},  // with others between
           {"left_hand", {"left2", "left4"}},           // neighbours
-          {"camera", {"neck"}}};
+          {"camera", {"neck"}},
+          // Mimics, the joint that they follow on another branch.
+          {"finger3", {}},
+          {"finger3", {"left3", "left5", "finger1"}},
+          {"finger2", {"finger1"}}};
 }
 
 TYPED_TEST(JointTasks, ManipulabilityHasAnExactGradient) {
@@ -418,7 +422,8 @@ TYPED_TEST(JointTasks, ManipulabilityHasAnExactGradient) {
                                                    : Eigen::MatrixXd(part * part.transpose());
       // A determinant within rounding of 0 has a root of √rounding.
       const double square = static_cast<double>(t.value() * t.value());
-      EXPECT_NEAR(square, gram.determinant(), sizeof(S) == 4 ? 1e-5 : 1e-13);
+      EXPECT_NEAR(square, gram.determinant(),
+                  (sizeof(S) == 4 ? 1e-5 : 1e-13) * std::max(1.0, gram.determinant()));
       EXPECT_NEAR(t.reference()(0), S(gain) * (S(1) - t.value()), roundings<S>(10));
       if constexpr (std::is_same_v<S, float>) {
         place(twin, s);
@@ -500,6 +505,45 @@ TEST(Manipulability, TheGradientIsThatOfTheTraceFormula) {
   EXPECT_NEAR(mu.value(), 0, 1e-9);
   EXPECT_TRUE(mu.jacobian().allFinite());
   EXPECT_EQ(mu.activation()(0), 1);
+}
+
+// A mimic after the joint that it follows, before it, and of another that is a mimic.
+TEST(Manipulability, MimicsOnTheWay) {
+  std::vector<icat::Joint<double>> joints;
+  for (int i = 0; i < 7; ++i) {
+    const std::string number = std::to_string(i + 1), before = std::to_string(i);
+    icat::Joint<double> joint{"joint" + number, i == 0 ? "base" : "link" + before, "link" + number,
+                              i == 4 ? JointType::prismatic : JointType::revolute};
+    joint.origin = make_pose<double>(0.3, 0.1 * i, -0.2, 0.4 * i, 0.7, -0.3);
+    joints.push_back(joint);
+  }
+  joints[0].mimic = icat::Mimic<double>{"joint4", -0.7, 0.2};
+  joints[4].mimic = icat::Mimic<double>{"joint2", 0.4, 0.1};
+  joints[5].mimic = icat::Mimic<double>{"joint5", 2, 0};
+  Chain robot({.joints = joints, .base = icat::Base<double>::free()});
+  ASSERT_EQ(robot.joints().size(), 4u);
+  for (const Names& names :
+       std::vector<Names>{{}, {"joint4", "joint2"}, {"joint2"}, {"joint4", "joint7"}}) {
+    task::Manipulability<Chain> mu(robot, robot.frame("link7"), Objective::equal_to(1),
+                                   {.joints = names, .gain = gain});
+    for (const TreeState& s : testing_support::random_tree_states(robot, 10, 23)) {
+      testing_support::expect_exact(robot, mu, s, 1e-7);
+      EXPECT_GT(mu.jacobian().norm(), 1e-3);
+    }
+  }
+}
+
+// Where the frame is set on another link its gradient is that of the new way.
+TEST(Manipulability, OfAFrameThatWasSetElsewhere) {
+  Torso robot = make_torso<Torso>();
+  const FrameId tool =
+      robot.add_frame("tool", robot.frame("left5"), make_pose<double>(0.1, 0, 0.2, 0, 0, 0));
+  task::Manipulability<Torso> mu(robot, tool, Objective::equal_to(1), {.gain = gain});
+  ASSERT_EQ(robot.set_frame(tool, robot.frame("left_hand"), make_pose<double>(0, 0, 0.1, 1, 0, 0)),
+            Status::ok);
+  for (const TreeState& s : testing_support::random_tree_states(robot, 5, 29)) {
+    testing_support::expect_exact(robot, mu, s);
+  }
 }
 
 TEST(Manipulability, ObjectivesRatesAndBends) {

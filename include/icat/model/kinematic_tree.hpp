@@ -142,13 +142,13 @@ class KinematicTree {
   const std::vector<JointInfo<Scalar>>& joints() const noexcept { return joints_; }
   /// Of joint `i` of `joints`, rad or m.
   Scalar position(Index i) const noexcept { return q_(i); }
-  /// Whether a mimic is among the joints that move the frame: then columns do not have the order
-  /// of the joints.
-  bool moved_by_mimic(FrameId frame) const noexcept {
-    for (Index i = at(frame).body; i > 0; i = body(i).parent) {
-      if (body(i).mimics) return true;
-    }
-    return false;
+  /// Calls `visit(column, linear, angular)` for each joint that moves the frame, mimics too, from
+  /// the frame to the base: what the column does to the frame through this joint alone, as in
+  /// `jacobian`, which is the sum. No allocation.
+  template <class Visit>
+  void for_each_joint_of(FrameId frame, Visit&& visit) const noexcept {
+    const Frame& f = at(frame);
+    visit_joints(f.body, detail::transform(body(f.body).pose, detail::origin(f.pose)), visit);
   }
   /// Positions of all of `joints`, rad or m.
   const Positions& q() const noexcept { return q_; }
@@ -220,7 +220,6 @@ class KinematicTree {
     Pose<Scalar> origin = IdentityPose{};  // of the joint's frame in the parent body
     Vector3<Scalar> local_axis{Scalar(0), Scalar(0), Scalar(1)};  // on the joint's frame
     Index column{-1};                                             // −1: the root
-    bool mimics{false};
     Scalar multiplier{1}, offset{0};
     Scalar mass{0};
     // mass × centre of mass, on the body
@@ -283,16 +282,28 @@ class KinematicTree {
     for (Index c = 0; c < joint_count(); ++c) {
       for (Index row = 0; row < 6; ++row) J(row, c) = Scalar(0);
     }
+    visit_joints(i, p,
+                 [&J](Index c, const Vector3<Scalar>& linear, const Vector3<Scalar>& angular) {
+                   for (Index row = 0; row < 3; ++row) {
+                     J(row, c) += linear(row);
+                     J(3 + row, c) += angular(row);
+                   }
+                 });
+    fill_base_columns(p, J);
+  }
+  // What each joint does to the point `p` of body `i`, from there to the root.
+  template <class Visit>
+  void visit_joints(Index i, const Vector3<Scalar>& p, Visit&& visit) const noexcept {
+    const Vector3<Scalar> none(Scalar(0), Scalar(0), Scalar(0));
     for (; i > 0; i = body(i).parent) {
       const Body& b = body(i);
-      const Vector3<Scalar> linear =
-          b.turns ? detail::cross(b.axis, detail::minus(p, b.point)) : b.axis;
-      for (Index row = 0; row < 3; ++row) {
-        J(row, b.column) += b.multiplier * linear(row);
-        if (b.turns) J(3 + row, b.column) += b.multiplier * b.axis(row);
+      const Vector3<Scalar> axis = detail::scaled(b.axis, b.multiplier);
+      if (b.turns) {
+        visit(b.column, detail::cross(axis, detail::minus(p, b.point)), axis);
+      } else {
+        visit(b.column, axis, none);
       }
     }
-    fill_base_columns(p, J);
   }
   // What the base's columns do to a point `p` that moves with it; 3 × n or 6 × n.
   template <class M>
@@ -475,7 +486,6 @@ class KinematicTree {
       }
       Body& b = bodies_[static_cast<std::size_t>(moved[i])];
       b.column = body(moved[leader]).column;
-      b.mimics = true;
       b.multiplier = multiplier;
       b.offset = offset;
       if (!std::isfinite(multiplier) || !std::isfinite(offset)) {

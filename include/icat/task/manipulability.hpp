@@ -12,8 +12,10 @@
 /// Y = μ Q R⁻ᵀ (transposed or not): both are as exact as J is, also near a singular arm. μ has a
 /// kink there, where the gradient is 0, the mean of both sides.
 ///
-/// On the way from the base to a frame the columns of joints must be in that order, as they are in
-/// every tree of this library and of the adapters, and none may be moved by a mimic.
+/// Where a mimic is on the way, J_j is a sum over the joints that move with column j, and so is
+/// ∂/∂q_i. A robot that has mimics says what each of its joints does (`for_each_joint_of`, see
+/// kinematic_tree.hpp); of another the columns of the joints on the way from the base to a frame
+/// must be in that order, as they are in every tree.
 #pragma once
 
 #include <algorithm>
@@ -28,9 +30,10 @@ namespace icat {
 namespace detail {
 
 /// μ and μ (J^#)ᵀ of a 6 × m matrix J. Construction allocates; nothing else does.
-template <class Scalar>
+template <class ScalarType>
 class ManipulabilityMeasure {
  public:
+  using Scalar = ScalarType;
   explicit ManipulabilityMeasure(Index columns)
       : wide_(columns >= 6),
         rows_(wide_ ? columns : 6),
@@ -39,7 +42,8 @@ class ManipulabilityMeasure {
 
   /// The element of J in row `i` and column `j`, to be set before `compute`; after it, that of
   /// μ (J^#)ᵀ.
-  Scalar& operator()(Index i, Index j) noexcept { return wide_ ? at(j, i) : at(i, j); }
+  Scalar& operator()(Index i, Index j) noexcept { return q_[place(i, j)]; }
+  Scalar operator()(Index i, Index j) const noexcept { return q_[place(i, j)]; }
 
   /// μ; where J has not full rank as far as rounding can tell, all is 0.
   Scalar compute() noexcept {
@@ -80,19 +84,23 @@ class ManipulabilityMeasure {
   }
 
  private:
-  Scalar& at(Index i, Index j) noexcept { return q_[static_cast<std::size_t>(rows_ * j + i)]; }
+  std::size_t place(Index i, Index j) const noexcept {
+    return static_cast<std::size_t>(wide_ ? rows_ * i + j : rows_ * j + i);
+  }
+  // A column of Q.
+  Scalar* column(Index j) noexcept { return q_.data() + rows_ * j; }
   Scalar dot(Index a, Index b) noexcept {
-    const Scalar *x = &at(0, a), *y = &at(0, b);
+    const Scalar *x = column(a), *y = column(b);
     Scalar sum(0);
     for (Index i = 0; i < rows_; ++i) sum += x[i] * y[i];
     return sum;
   }
   void add(Index a, Scalar s, Index b) noexcept {
-    Scalar *x = &at(0, a), *y = &at(0, b);
+    Scalar *x = column(a), *y = column(b);
     for (Index i = 0; i < rows_; ++i) x[i] += s * y[i];
   }
   void scale(Index a, Scalar s) noexcept {
-    Scalar* x = &at(0, a);
+    Scalar* x = column(a);
     for (Index i = 0; i < rows_; ++i) x[i] *= s;
   }
   // Takes the part along the unit vector a out of b; how much it was.
@@ -129,8 +137,8 @@ class Manipulability : public ScalarTask<R> {
 
   /// `objective` in the unit of μ (m³ for a revolute arm of six joints or more), such as
   /// `at_least(0.08, 0.01)`.
-  /// @throws std::invalid_argument on settings out of range, no joint that moves the frame, one of
-  ///         `joints` that does not, or a mimic among those that do. Allocates.
+  /// @throws std::invalid_argument on settings out of range, no joint that moves the frame, or one
+  ///         of `joints` that does not. Allocates.
   [[gnu::cold]] Manipulability(const R& robot, FrameId frame, const Objective<Scalar>& objective)
       : Manipulability(robot, frame, objective, Options{}) {}
   /// The same with options.
@@ -138,14 +146,13 @@ class Manipulability : public ScalarTask<R> {
                                Options options)
       : ScalarTask<R>(robot, options.name, objective, options.gain, options.max_rate),
         frame_(frame),
-        joints_(moving(robot, frame, {}, options.name)),
         chosen_(moving(robot, frame, options.joints, options.name)),
+        place_(static_cast<std::size_t>(robot.dof()), Index{-1}),
         measure_(static_cast<Index>(chosen_.size())) {
-    if constexpr (requires { robot.moved_by_mimic(frame); }) {
-      if (robot.moved_by_mimic(frame)) {
-        detail::invalid("task '", options.name, "': a mimic is among the joints of the frame");
-      }
-    }
+    for (const Index c : joint_columns(robot)) joints_.push_back(c);
+    std::sort(joints_.begin(), joints_.end());
+    Index k = 0;
+    for (const Index c : chosen_) place_[static_cast<std::size_t>(c)] = k++;
   }
 
  private:
@@ -172,46 +179,44 @@ class Manipulability : public ScalarTask<R> {
   }
 
   void compute() noexcept override {
-    const auto& J = this->robot().jacobian(frame_);
-    Index k = 0;
-    for (const Index c : chosen_) {
-      for (Index i = 0; i < 6; ++i) measure_(i, k) = J(i, c);
-      ++k;
+    const R& robot = this->robot();
+    const auto& J = robot.jacobian(frame_);
+    for (std::size_t k = 0; k < chosen_.size(); ++k) {
+      for (Index i = 0; i < 6; ++i) measure_(i, static_cast<Index>(k)) = J(i, chosen_[k]);
     }
     this->set_value(measure_.compute());
-    // With a · (b × c) = b · (c × a) the sums over j > i, and over j < i, are sums over j that grow
-    // from joint to joint.
+    detail::fill(this->jacobian_, Scalar(0));
+    // From the frame to the base. With a · (b × c) = b · (c × a) the sums over j are the same for
+    // all i but for where they begin; those over j before i are all but the others.
     const Vector3<Scalar> none(Scalar(0), Scalar(0), Scalar(0));
-    Vector3<Scalar> before = none, after = none;
-    k = 0;
-    for (const Index c : joints_) {
-      this->jacobian_(0, c) = detail::dot(detail::column3(J, 0, c), before);
-      if (!is_chosen(k, c)) continue;
-      before = detail::plus(before, detail::cross(y(0, k), detail::column3(J, 3, c)));
-      ++k;
-    }
-    for (std::size_t i = joints_.size(); i-- > 0;) {
-      const Index c = joints_[i];
-      const Vector3<Scalar> linear = detail::column3(J, 0, c), angular = detail::column3(J, 3, c);
-      if (is_chosen(k - 1, c)) {
-        --k;
-        after = detail::plus(
-            after, detail::plus(detail::cross(linear, y(0, k)), detail::cross(angular, y(3, k))));
+    Vector3<Scalar> after = none, turned = none;
+    const auto visit = [&](Index c, const Vector3<Scalar>& linear, const Vector3<Scalar>& angular) {
+      const Index k = place_[static_cast<std::size_t>(c)];
+      if (k >= 0) {
+        const Vector3<Scalar> y = detail::column3(measure_, 0, k);
+        after = detail::plus(after,
+                             detail::plus(detail::cross(linear, y),
+                                          detail::cross(angular, detail::column3(measure_, 3, k))));
+        turned = detail::plus(turned, detail::cross(y, angular));
       }
-      this->jacobian_(0, c) += detail::dot(angular, after);
+      this->jacobian_(0, c) += detail::dot(angular, after) - detail::dot(linear, turned);
+    };
+    if constexpr (requires { robot.for_each_joint_of(frame_, visit); }) {
+      robot.for_each_joint_of(frame_, visit);
+    } else {
+      for (std::size_t i = joints_.size(); i-- > 0;) {
+        visit(joints_[i], detail::column3(J, 0, joints_[i]), detail::column3(J, 3, joints_[i]));
+      }
     }
-  }
-  bool is_chosen(Index k, Index column) const noexcept {
-    return k >= 0 && k < static_cast<Index>(chosen_.size()) &&
-           chosen_[static_cast<std::size_t>(k)] == column;
-  }
-  // Three rows of column `k` of μ (J^#)ᵀ.
-  Vector3<Scalar> y(Index row, Index k) noexcept {
-    return {measure_(row, k), measure_(row + 1, k), measure_(row + 2, k)};
+    for (const Index c : joints_) {
+      this->jacobian_(0, c) += detail::dot(detail::column3(J, 0, c), turned);
+    }
   }
 
   FrameId frame_;
-  std::vector<Index> joints_, chosen_;  // columns of all joints that move the frame; of the task's
+  std::vector<Index> joints_;  // columns of all joints, ascending
+  std::vector<Index> chosen_;  // those of the task
+  std::vector<Index> place_;   // of each column of ẏ among them; −1
   detail::ManipulabilityMeasure<Scalar> measure_;
 };
 
