@@ -136,6 +136,37 @@ TEST(JointLimitsReference, IsTheMiddleWhereThePapersIs) {
   EXPECT_EQ(near.activation(), middle.activation());
 }
 
+TEST(JointLimits, MarginsMayChangeWhileItRuns) {
+  Chain robot = chain({{JointType::revolute, -2, 2},
+                       {JointType::prismatic, 0, 0.08},
+                       {JointType::revolute, -INFINITY, INFINITY}});
+  ASSERT_EQ(robot.update(positions({1.95, 0.075, 9})), Status::ok);
+  const auto expect = [&](task::JointLimits<Chain>& limits, const icat::PerJoint<double>& margin,
+                          bool to_middle) {
+    task::JointLimits<Chain> built(robot, {.margin = margin, .to_middle = to_middle});
+    built.update();
+    limits.update();
+    EXPECT_EQ(limits.activation(), built.activation());
+    EXPECT_EQ(limits.reference(), built.reference());
+  };
+  for (const bool to_middle : {false, true}) {
+    task::JointLimits<Chain> limits(robot, {.margin = 0.3, .to_middle = to_middle});
+    ASSERT_EQ(limits.set_margin(0.1), Status::ok);
+    expect(limits, 0.1, to_middle);
+    ASSERT_EQ(limits.set_margin(positions({0.5, 0.01, 3})), Status::ok);
+    expect(limits, {0.5, 0.01, 3.0}, to_middle);
+    // Refused: all of the old ones stay.
+    for (const double bad : {0.0, -1.0, nan, static_cast<double>(INFINITY)}) {
+      EXPECT_EQ(limits.set_margin(bad), Status::out_of_range);
+      EXPECT_EQ(limits.set_margin(positions({0.2, 0.01, bad})),
+                std::isfinite(bad) ? Status::out_of_range : Status::non_finite);
+    }
+    EXPECT_EQ(limits.set_margin(positions({0.2, 0.04, 1})), Status::out_of_range);  // no room
+    EXPECT_EQ(limits.set_margin(positions({0.2, 0.01})), Status::wrong_size);
+    expect(limits, {0.5, 0.01, 3.0}, to_middle);
+  }
+}
+
 // M2: a long rail parked at its end leaves the margin gently, instead of going for its middle.
 TEST(Cases, M2_ALongRailMovesOutOfTheMarginAndNoFurther) {
   Chain robot = chain({{JointType::prismatic, 0, 20}, {JointType::revolute, -2, 2}});
@@ -701,6 +732,7 @@ TYPED_TEST(JointTasks, UpdatesAndSettersDoNotAllocate) {
   Tree robot = make_torso<Tree>();
   const icat::Vector<S, Eigen::Dynamic> goal = testing_support::bent_torso().template cast<S>();
   const icat::Vector<S, Eigen::Dynamic> still = S(0) * goal;
+  const icat::Vector<S, Eigen::Dynamic> margins = icat::Vector<S, 14>::Constant(S(0.01));
   task::JointLimits<Tree> limits(robot);
   task::JointPosition<Tree> position(robot, goal);
   task::JointPosition<Tree> norm(robot, goal, {.norm = icat::Objective<S>::equal_to(S(0))});
@@ -722,6 +754,8 @@ TYPED_TEST(JointTasks, UpdatesAndSettersDoNotAllocate) {
               (void)position.set_max_rate(S(1));
               (void)limits.set_max_rate(S(1));
               (void)limits.set_gain(S(1));
+              (void)limits.set_margin(S(0.05));
+              (void)limits.set_margin(margins);
               (void)given.set_velocity(icat::Vector<S, 1>(S(1)));
             }),
             0);
