@@ -296,6 +296,17 @@ TYPED_TEST(Archetypes, AFramedRobotRunsTasksOfFrames) {
   EXPECT_LT(std::abs(robot.x[1]), S(0.5 * 0.2));  // e⁻² of the way is left
 }
 
+TYPED_TEST(Archetypes, AFramedRobotHasPoints) {
+  using S = typename TypeParam::Scalar;
+  archetypes::Framed<S, TypeParam::size> robot;
+  robot.x = {S(0.3), S(0.5), S(-0.2)};
+  const icat::Vector3<S> point(S(1), S(2), S(3));
+  typename archetypes::Massive<S, TypeParam::size>::CenterJacobian jacobian(3, 3);
+  EXPECT_EQ(icat::point_position(robot, robot.frame("tip"), point)(0), S(0.3) + S(1));
+  EXPECT_EQ(icat::point_jacobian(robot, robot.frame("tip"), point, jacobian), Status::ok);
+  EXPECT_EQ(jacobian, jacobian.Identity(3, 3));
+}
+
 TYPED_TEST(Archetypes, AFramedRobotCooperates) {
   using S = typename TypeParam::Scalar;
   using R = archetypes::Framed<S, TypeParam::size>;

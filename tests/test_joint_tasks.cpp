@@ -6,6 +6,7 @@
 #include <icat/task/column_tasks.hpp>
 #include <icat/task/joint_tasks.hpp>
 #include <icat/task/manipulability.hpp>
+#include <random>
 
 #include "support/task_checks.hpp"
 
@@ -133,6 +134,37 @@ TEST(JointLimitsReference, IsTheMiddleWhereThePapersIs) {
   EXPECT_DOUBLE_EQ(middle.reference()(0), 2 * 1.9);  // to 1
   EXPECT_EQ(middle.reference()(1), 0);
   EXPECT_EQ(near.activation(), middle.activation());
+}
+
+TEST(JointLimits, MarginsMayChangeWhileItRuns) {
+  Chain robot = chain({{JointType::revolute, -2, 2},
+                       {JointType::prismatic, 0, 0.08},
+                       {JointType::revolute, -INFINITY, INFINITY}});
+  ASSERT_EQ(robot.update(positions({1.95, 0.075, 9})), Status::ok);
+  const auto expect = [&](task::JointLimits<Chain>& limits, const icat::PerJoint<double>& margin,
+                          bool to_middle) {
+    task::JointLimits<Chain> built(robot, {.margin = margin, .to_middle = to_middle});
+    built.update();
+    limits.update();
+    EXPECT_EQ(limits.activation(), built.activation());
+    EXPECT_EQ(limits.reference(), built.reference());
+  };
+  for (const bool to_middle : {false, true}) {
+    task::JointLimits<Chain> limits(robot, {.margin = 0.3, .to_middle = to_middle});
+    ASSERT_EQ(limits.set_margin(0.1), Status::ok);
+    expect(limits, 0.1, to_middle);
+    ASSERT_EQ(limits.set_margin(positions({0.5, 0.01, 3})), Status::ok);
+    expect(limits, {0.5, 0.01, 3.0}, to_middle);
+    // Refused: all of the old ones stay.
+    for (const double bad : {0.0, -1.0, nan, static_cast<double>(INFINITY)}) {
+      EXPECT_EQ(limits.set_margin(bad), Status::out_of_range);
+      EXPECT_EQ(limits.set_margin(positions({0.2, 0.01, bad})),
+                std::isfinite(bad) ? Status::out_of_range : Status::non_finite);
+    }
+    EXPECT_EQ(limits.set_margin(positions({0.2, 0.04, 1})), Status::out_of_range);  // no room
+    EXPECT_EQ(limits.set_margin(positions({0.2, 0.01})), Status::wrong_size);
+    expect(limits, {0.5, 0.01, 3.0}, to_middle);
+  }
 }
 
 // M2: a long rail parked at its end leaves the margin gently, instead of going for its middle.
@@ -378,7 +410,11 @@ std::vector<MeasureCase> measures() {
           {"right_hand", {"right4", "right1"}},        // two, in another order
           {"left_hand", {"waist", "left2", "left4"}},  // with others between
           {"left_hand", {"left2", "left4"}},           // neighbours
-          {"camera", {"neck"}}};
+          {"camera", {"neck"}},
+          // Mimics, the joint that they follow on another branch.
+          {"finger3", {}},
+          {"finger3", {"left3", "left5", "finger1"}},
+          {"finger2", {"finger1"}}};
 }
 
 TYPED_TEST(JointTasks, ManipulabilityHasAnExactGradient) {
@@ -417,12 +453,53 @@ TYPED_TEST(JointTasks, ManipulabilityHasAnExactGradient) {
                                                    : Eigen::MatrixXd(part * part.transpose());
       // A determinant within rounding of 0 has a root of √rounding.
       const double square = static_cast<double>(t.value() * t.value());
-      EXPECT_NEAR(square, gram.determinant(), sizeof(S) == 4 ? 1e-5 : 1e-13);
+      EXPECT_NEAR(square, gram.determinant(),
+                  (sizeof(S) == 4 ? 1e-5 : 1e-13) * std::max(1.0, gram.determinant()));
       EXPECT_NEAR(t.reference()(0), S(gain) * (S(1) - t.value()), roundings<S>(10));
       if constexpr (std::is_same_v<S, float>) {
         place(twin, s);
         // "stretched" is singular for the arms: the kink of μ.
         testing_support::expect_same(t, exact, s.name == "stretched");
+      }
+    }
+  }
+}
+
+// Matrices of known singular values, down to what is singular as far as rounding can tell.
+TEST(Manipulability, TheMeasureIsThatOfTheSingularValues) {
+  std::mt19937 rng(5);
+  std::normal_distribution<double> normal;
+  const auto orthogonal = [&](Index n, Index columns) {
+    Eigen::MatrixXd a(n, n);
+    for (Index i = 0; i < a.size(); ++i) a(i) = normal(rng);
+    const Eigen::MatrixXd q = Eigen::HouseholderQR<Eigen::MatrixXd>(a).householderQ();
+    return Eigen::MatrixXd(q.leftCols(columns));
+  };
+  for (const Index m : {1, 2, 3, 5, 6, 7, 12}) {
+    const Index side = std::min<Index>(m, 6);
+    for (const double smallest : {1.0, 1e-2, 1e-5, 1e-9, 0.0}) {
+      SCOPED_TRACE(testing::Message() << m << ' ' << smallest);
+      Eigen::VectorXd sigma(side), others = Eigen::VectorXd::Ones(side);
+      for (Index k = 0; k < side; ++k) sigma(k) = 1 + 0.3 * static_cast<double>(k);
+      sigma(side - 1) = m == 1 ? 1 : smallest;
+      for (Index k = 0; k < side; ++k) {
+        for (Index l = 0; l < side; ++l) others(k) *= l == k ? 1 : sigma(l);
+      }
+      const Eigen::MatrixXd u = orthogonal(6, side), v = orthogonal(m, side);
+      const Eigen::MatrixXd J = u * sigma.asDiagonal() * v.transpose();
+      icat::detail::ManipulabilityMeasure<double> measure(m);
+      for (Index j = 0; j < m; ++j) {
+        for (Index i = 0; i < 6; ++i) measure(i, j) = J(i, j);
+      }
+      // J itself is known to some 1e-15, and so are its singular values.
+      EXPECT_NEAR(measure.compute(), sigma.prod(), 1e-14 * others.maxCoeff());
+      Eigen::MatrixXd Y = u * others.asDiagonal() * v.transpose();
+      if (sigma.minCoeff() == 0) Y.setZero();
+      const double tolerance = sigma.minCoeff() > 0 ? 1e-14 / sigma.minCoeff() : 0;
+      for (Index j = 0; j < m; ++j) {
+        for (Index i = 0; i < 6; ++i) {
+          EXPECT_NEAR(measure(i, j), Y(i, j), tolerance * others.maxCoeff());
+        }
       }
     }
   }
@@ -459,6 +536,45 @@ TEST(Manipulability, TheGradientIsThatOfTheTraceFormula) {
   EXPECT_NEAR(mu.value(), 0, 1e-9);
   EXPECT_TRUE(mu.jacobian().allFinite());
   EXPECT_EQ(mu.activation()(0), 1);
+}
+
+// A mimic after the joint that it follows, before it, and of another that is a mimic.
+TEST(Manipulability, MimicsOnTheWay) {
+  std::vector<icat::Joint<double>> joints;
+  for (int i = 0; i < 7; ++i) {
+    const std::string number = std::to_string(i + 1), before = std::to_string(i);
+    icat::Joint<double> joint{"joint" + number, i == 0 ? "base" : "link" + before, "link" + number,
+                              i == 4 ? JointType::prismatic : JointType::revolute};
+    joint.origin = make_pose<double>(0.3, 0.1 * i, -0.2, 0.4 * i, 0.7, -0.3);
+    joints.push_back(joint);
+  }
+  joints[0].mimic = icat::Mimic<double>{"joint4", -0.7, 0.2};
+  joints[4].mimic = icat::Mimic<double>{"joint2", 0.4, 0.1};
+  joints[5].mimic = icat::Mimic<double>{"joint5", 2, 0};
+  Chain robot({.joints = joints, .base = icat::Base<double>::free()});
+  ASSERT_EQ(robot.joints().size(), 4u);
+  for (const Names& names :
+       std::vector<Names>{{}, {"joint4", "joint2"}, {"joint2"}, {"joint4", "joint7"}}) {
+    task::Manipulability<Chain> mu(robot, robot.frame("link7"), Objective::equal_to(1),
+                                   {.joints = names, .gain = gain});
+    for (const TreeState& s : testing_support::random_tree_states(robot, 10, 23)) {
+      testing_support::expect_exact(robot, mu, s, 1e-7);
+      EXPECT_GT(mu.jacobian().norm(), 1e-3);
+    }
+  }
+}
+
+// Where the frame is set on another link its gradient is that of the new way.
+TEST(Manipulability, OfAFrameThatWasSetElsewhere) {
+  Torso robot = make_torso<Torso>();
+  const FrameId tool =
+      robot.add_frame("tool", robot.frame("left5"), make_pose<double>(0.1, 0, 0.2, 0, 0, 0));
+  task::Manipulability<Torso> mu(robot, tool, Objective::equal_to(1), {.gain = gain});
+  ASSERT_EQ(robot.set_frame(tool, robot.frame("left_hand"), make_pose<double>(0, 0, 0.1, 1, 0, 0)),
+            Status::ok);
+  for (const TreeState& s : testing_support::random_tree_states(robot, 5, 29)) {
+    testing_support::expect_exact(robot, mu, s);
+  }
 }
 
 TEST(Manipulability, ObjectivesRatesAndBends) {
@@ -616,6 +732,7 @@ TYPED_TEST(JointTasks, UpdatesAndSettersDoNotAllocate) {
   Tree robot = make_torso<Tree>();
   const icat::Vector<S, Eigen::Dynamic> goal = testing_support::bent_torso().template cast<S>();
   const icat::Vector<S, Eigen::Dynamic> still = S(0) * goal;
+  const icat::Vector<S, Eigen::Dynamic> margins = icat::Vector<S, 14>::Constant(S(0.01));
   task::JointLimits<Tree> limits(robot);
   task::JointPosition<Tree> position(robot, goal);
   task::JointPosition<Tree> norm(robot, goal, {.norm = icat::Objective<S>::equal_to(S(0))});
@@ -637,6 +754,8 @@ TYPED_TEST(JointTasks, UpdatesAndSettersDoNotAllocate) {
               (void)position.set_max_rate(S(1));
               (void)limits.set_max_rate(S(1));
               (void)limits.set_gain(S(1));
+              (void)limits.set_margin(S(0.05));
+              (void)limits.set_margin(margins);
               (void)given.set_velocity(icat::Vector<S, 1>(S(1)));
             }),
             0);

@@ -5,6 +5,7 @@
 
 #include <icat/model/kinematic_tree.hpp>
 #include <icat/model/maris.hpp>
+#include <icat/model/point.hpp>
 #include <icat/model/uvms.hpp>
 
 #include "support/allocation_counter.hpp"
@@ -521,6 +522,42 @@ TYPED_TEST(KinematicTrees, FramesCanBeAddedAndMoved) {
   EXPECT_LT((robot.pose(b).matrix() - (stays * tip).matrix()).norm(), roundings<S>(60));
 }
 
+// --- points of frames ----------------------------------------------------------------------------
+
+TYPED_TEST(KinematicTrees, PointsOfFramesHaveExactJacobians) {
+  using S = typename TypeParam::Scalar;
+  using Tree = typename TypeParam::template Tree<20>;
+  Tree robot = make_torso<Tree>();
+  const icat::Vector3<S> point(S(0.2), S(-0.1), S(0.3));
+  auto J = typename Tree::PointJacobian(3, robot.dof());
+  for (const TreeState& s : testing_support::all_torso_states(robot, 3, 17)) {
+    SCOPED_TRACE(s.name);
+    for (const char* name : {"pelvis", "left4", "right3", "camera", "finger2"}) {
+      SCOPED_TRACE(name);
+      const icat::FrameId frame = robot.frame(name);
+      const auto numeric = differentiate(robot, s, [&](const Tree& moved) {
+        return Eigen::Matrix<S, Eigen::Dynamic, 1>(icat::point_position(moved, frame, point));
+      });
+      EXPECT_LT((icat::point_position(robot, frame, point) - robot.pose(frame) * point).norm(),
+                roundings<S>(20));
+      ASSERT_EQ(icat::point_jacobian(robot, frame, point, J), Status::ok);
+      EXPECT_LT((J - numeric).norm(), difference_tolerance<S> * 4);
+    }
+  }
+  // Into a part of something larger, and the same as that of a frame that was added.
+  const icat::FrameId hand = robot.frame("left_hand");
+  const icat::FrameId tip =
+      robot.add_frame("tip", hand, icat::detail::make_pose<S>(icat::Matrix3<S>::Identity(), point));
+  Eigen::Matrix<S, Eigen::Dynamic, Eigen::Dynamic> two =
+      Eigen::Matrix<S, Eigen::Dynamic, Eigen::Dynamic>::Zero(6, 20);
+  ASSERT_EQ(icat::point_jacobian(robot, hand, point, two.bottomRows(3)), Status::ok);
+  EXPECT_LT((two.bottomRows(3) - robot.jacobian(tip).topRows(3)).norm(), roundings<S>(100));
+  EXPECT_EQ(two.topRows(3).norm(), S(0));
+  EXPECT_EQ(icat::point_jacobian(robot, hand, point, two), Status::wrong_size);
+  EXPECT_EQ(icat::point_jacobian(robot, hand, point, two.topLeftCorner(3, 19)), Status::wrong_size);
+  EXPECT_EQ(two.topRows(3).norm(), S(0));
+}
+
 TEST(KinematicTree, FramesThatAreRefused) {
   using Tree = icat::KinematicTree<double>;
   Tree robot({.joints = {icat::Joint<double>{"turn", "root", "link"}}});
@@ -736,8 +773,9 @@ TYPED_TEST(KinematicTrees, NothingAllocatesAfterConfiguration) {
   const icat::Pose<S> base = s.base.template cast<S>();
   auto bad = base;
   bad.linear() *= S(2);
+  typename Tree::PointJacobian of_point(3, robot.dof());
   S sum(0);
-  Status refused = Status::ok, good = Status::not_started;
+  Status refused = Status::ok, good = Status::not_started, point = Status::not_started;
   EXPECT_EQ(count_allocations([&] {
               good = robot.update(q, base);
               refused = robot.update(q, bad);
@@ -746,11 +784,15 @@ TYPED_TEST(KinematicTrees, NothingAllocatesAfterConfiguration) {
                 sum += robot.pose(icat::FrameId(f)).translation().x();
                 sum += robot.jacobian(icat::FrameId(f))(0, 0);
               }
+              const icat::Vector3<S> r(S(0.1), S(0.2), S(0.3));
+              point = icat::point_jacobian(robot, tool, r, of_point);
+              sum += icat::point_position(robot, tool, r).x() + of_point(0, 0);
               sum += robot.center_of_mass().x() + robot.center_of_mass_jacobian()(0, 0);
             }),
             0);
   EXPECT_EQ(good, Status::ok);
   EXPECT_EQ(refused, Status::not_a_rotation);
+  EXPECT_EQ(point, Status::ok);
   EXPECT_TRUE(std::isfinite(sum));
 }
 

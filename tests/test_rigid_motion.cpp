@@ -3,7 +3,6 @@
 
 #include <icat/math/numerical_differentiation.hpp>
 #include <icat/math/rigid_motion.hpp>
-#include <icat/math/symmetric_eigen.hpp>
 
 #include "support/states.hpp"
 
@@ -130,36 +129,6 @@ TYPED_TEST(RigidMotion, MisalignmentAndItsRates) {
       }
     }
   }
-}
-
-TYPED_TEST(RigidMotion, SymmetricEigenReconstructs) {
-  using S = TypeParam;
-  std::mt19937 rng(3);
-  std::normal_distribution<double> normal;
-  icat::detail::SymmetricEigen<S, Eigen::Dynamic> eigen(32);
-  using M = Eigen::Matrix<S, Eigen::Dynamic, Eigen::Dynamic>;
-  for (int n = 1; n <= 32; ++n) {
-    for (int rank : {0, 1, n / 2, n}) {
-      M a(n, rank);
-      for (Eigen::Index i = 0; i < a.size(); ++i) a(i) = S(normal(rng));
-      M s = a * a.transpose();
-      if (rank == 0) s.setZero(n, n);
-      ASSERT_TRUE(eigen.compute(s));
-      const M v = eigen.vectors().topLeftCorner(n, n);
-      EXPECT_LT((v.transpose() * v - M::Identity(n, n)).norm(), roundings<S>(20 * n));
-      EXPECT_LT((v * eigen.values().head(n).asDiagonal() * v.transpose() - s).norm(),
-                roundings<S>(20 * n) * (1 + s.norm()));
-    }
-  }
-  M bad = M::Identity(4, 4);
-  bad(2, 1) = std::numeric_limits<S>::infinity();
-  EXPECT_FALSE(eigen.compute(bad));
-  bad(2, 1) = std::numeric_limits<S>::quiet_NaN();
-  bad(1, 2) = bad(2, 1);
-  EXPECT_FALSE(eigen.compute(bad));
-  const M diagonal = Eigen::Matrix<S, 3, 1>(S(3), S(1), S(2)).asDiagonal();
-  ASSERT_TRUE(eigen.compute(diagonal));
-  EXPECT_EQ(eigen.values().head(3).sum(), S(6));
 }
 
 TYPED_TEST(RigidMotion, SmoothStepStaysInTheUnitInterval) {

@@ -99,6 +99,21 @@ TEST(Tutorial, ARobotFromItsTable) {
   EXPECT_EQ(robot.pose(robot.frame("arm_base")).matrix(), where_it_sits.matrix());
 }
 
+TEST(Tutorial, APointOfALink) {
+  Robot robot = make_robot();
+  ASSERT_EQ(robot.update(shape()), icat::Status::ok);
+  const icat::FrameId forearm = robot.frame("link4");
+  const icat::Vector3<double> contact(0.05, 0, 0.2);
+  //! [point]
+  Robot::PointJacobian J(3, robot.dof());
+  icat::Status status = icat::point_jacobian(robot, forearm, contact, J);   // contact: on the link
+  icat::Vector3<double> p = icat::point_position(robot, forearm, contact);  // ṗ = J ẏ
+  //! [point]
+  EXPECT_EQ(status, icat::Status::ok);
+  EXPECT_LT((p - robot.pose(forearm) * contact).norm(), 1e-15);
+  EXPECT_NEAR(J(2, 9), 1, 1e-15);  // heave
+}
+
 TEST(Tutorial, LambdaAndClassAreTheSameTask) {
   Robot robot = make_robot();
   const icat::FrameId tool = robot.frame("tool");

@@ -38,6 +38,7 @@
 #include "icat/model/joint.hpp"
 #include "icat/model/kinematic_tree.hpp"
 #include "icat/model/maris.hpp"
+#include "icat/model/point.hpp"
 #include "icat/model/robot.hpp"
 #include "icat/model/uvms.hpp"
 #include "icat/task/axes.hpp"

@@ -52,14 +52,15 @@ class LevelStack {
       Index rows = 0;
       for (const auto& entry : level) {
         rows += entry.task->rows();
-        if (std::find(tasks_.begin(), tasks_.end(), entry.task) == tasks_.end()) {
-          tasks_.push_back(entry.task);
-        }
+        const auto at = std::find(tasks_.begin(), tasks_.end(), entry.task);
+        task_of_.push_back(static_cast<std::size_t>(at - tasks_.begin()));
+        if (at == tasks_.end()) tasks_.push_back(entry.task);
       }
       const auto column = detail::zeros<Vector<Scalar, Eigen::Dynamic>>(rows);
       levels_.push_back(
           {detail::zeros<JacobianMatrix<Scalar, R::size>>(rows, robot.dof()), column, column});
     }
+    wanted_.resize(tasks_.size());
   }
 
   /// Enters `action` at once, for a start in the middle of things. A refusal changes nothing.
@@ -96,8 +97,12 @@ class LevelStack {
   Status refresh() noexcept {
     if (action_ == none) return Status::not_started;
     (void)transition_.update(clock_.elapsed());
-    for (Task<R>* task : tasks_) {
-      if (wanted(task)) task->update();
+    std::fill(wanted_.begin(), wanted_.end(), char{0});
+    for (std::size_t k = 0; k < task_of_.size(); ++k) {
+      if (transition_.values()[k] > 0) wanted_[task_of_[k]] = 1;
+    }
+    for (std::size_t k = 0; k < tasks_.size(); ++k) {
+      if (wanted_[k]) tasks_[k]->update();
     }
     std::size_t i = 0;
     for (std::size_t k = 0; k < hierarchy_.size(); ++k) {
@@ -151,10 +156,18 @@ class LevelStack {
     // Without activation old values could be what made the level be refused; the solver checks
     // inactive rows too.
     const bool active = phase > 0, good = fits(task), use = active && good;
-    for (Index i = 0; i < task.rows(); ++i) {
-      for (Index j = 0; j < robot_.dof(); ++j) {
-        level.jacobian(row + i, j) = use ? task.jacobian()(i, j) : Scalar(0);
+    const Index rows = task.rows(), n = robot_.dof(), pitch = level.jacobian.rows();
+    // Column by column; a task that is alone on its level, at once.
+    const Index blocks = rows == pitch ? 1 : n, length = rows == pitch ? rows * n : rows;
+    for (Index b = 0; b < blocks; ++b) {
+      Scalar* to = level.jacobian.data() + row + b * pitch;
+      if (use) {
+        std::copy_n(task.jacobian().data() + b * length, length, to);
+      } else {
+        std::fill_n(to, length, Scalar(0));
       }
+    }
+    for (Index i = 0; i < rows; ++i) {
       level.activation(row + i) =
           use ? static_cast<Scalar>(phase) * task.activation()(i) : Scalar(0);
       level.reference(row + i) = use      ? task.reference()(i)
@@ -166,15 +179,6 @@ class LevelStack {
   bool fits(const Task<R>& task) const noexcept {
     return task.jacobian().rows() == task.rows() && task.jacobian().cols() == robot_.dof() &&
            task.reference().size() == task.rows() && task.activation().size() == task.rows();
-  }
-  bool wanted(const Task<R>* task) const noexcept {
-    std::size_t i = 0;
-    for (const auto& level : hierarchy_) {
-      for (const auto& entry : level) {
-        if (transition_.values()[i++] > 0 && entry.task == task) return true;
-      }
-    }
-    return false;
   }
   std::size_t count_entries() const {
     std::size_t count = 0;
@@ -204,6 +208,8 @@ class LevelStack {
   std::vector<double> targets_;
   std::vector<std::string> names_;
   std::vector<Task<R>*> tasks_;
+  std::vector<std::size_t> task_of_;  // which of them, for each entry
+  std::vector<char> wanted_;          // those with a phase activation
   std::vector<RobotLevel> levels_;
   std::size_t action_{none};
 };

@@ -158,6 +158,21 @@ class PinocchioRobot : public ForeignRobot<ScalarType> {
     });
   }
 
+  /// Calls `visit(column, linear, angular)` for each of `joints` that moves the frame, and each
+  /// mimic, from the frame to the base: what the column does to the frame through this joint alone,
+  /// as in `jacobian`. No allocation.
+  template <class Visit>
+  void for_each_joint_of(FrameId frame, Visit&& visit) const noexcept {
+    const Placed& f = placed(frame);
+    const Vector3<Scalar> p = data_.oMi[f.joint].act(f.placement.translation());
+    // `J` has a column for each mimic too, at the origin of ⟨0⟩.
+    for (std::size_t j = f.joint; j > 0 && j != base_joint_; j = model_.parents[j]) {
+      const Index c = model_.idx_vExtendeds[j];
+      visit(static_cast<Index>(model_.joints[j].idx_v()), detail::velocity_at(data_.J, c, p),
+            detail::column3(data_.J, 3, c));
+    }
+  }
+
   /// Of all bodies, kg, also of those that are fixed to the world.
   Scalar mass() const noexcept { return mass_; }
   /// In ⟨0⟩, m; ⟨0⟩'s origin where the bodies have no mass. No allocation.
@@ -289,8 +304,7 @@ class PinocchioRobot : public ForeignRobot<ScalarType> {
         detail::fill(point_, Scalar(0));
         pinocchio::getJointJacobian(model_, data_, j, pinocchio::LOCAL_WORLD_ALIGNED, point_);
         for (Index c = 0; c < model_.nv; ++c) {
-          const Vector3<Scalar> v = detail::plus(detail::column3(point_, 0, c),
-                                                 detail::cross(detail::column3(point_, 3, c), r));
+          const Vector3<Scalar> v = detail::velocity_at(point_, c, r);
           for (Index row = 0; row < 3; ++row) J(row, c) += share * v(row);
         }
       }

@@ -140,6 +140,14 @@ inline void set_column3(M& m, Index row, Index j, const Vector3<typename M::Scal
   for (Index i = 0; i < 3; ++i) m(row + i, j) = x(i);
 }
 
+/// v_j + ω_j × r: what column `j` = [v_j; ω_j] of a Jacobian, or a twist, does to a point that
+/// moves with its frame, `r` from the frame's origin.
+template <class M>
+inline Vector3<typename M::Scalar> velocity_at(const M& m, Index j,
+                                               const Vector3<typename M::Scalar>& r) noexcept {
+  return plus(column3(m, 0, j), cross(column3(m, 3, j), r));
+}
+
 /// The elements `row`, `j`… of a matrix.
 template <class M>
 inline Vector3<typename M::Scalar> row3(const M& m, Index row, Index j) noexcept {

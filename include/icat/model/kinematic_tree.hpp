@@ -55,7 +55,7 @@ class KinematicTree {
   ///         fault; names that stand twice; axes not of length 1; limits out of order; poses that
   ///         are none; another number of columns than `N`.
   [[gnu::cold]] explicit KinematicTree(const Description& description)
-      : base_motion_(description.base.motion()) {
+      : base_motion_(description.base.motion()), base_twist_(base_motion_) {
     build(description);
     const Index n = joint_count() + base_motion_.cols();
     if (N != Eigen::Dynamic && n != N) {
@@ -142,13 +142,13 @@ class KinematicTree {
   const std::vector<JointInfo<Scalar>>& joints() const noexcept { return joints_; }
   /// Of joint `i` of `joints`, rad or m.
   Scalar position(Index i) const noexcept { return q_(i); }
-  /// Whether a mimic is among the joints that move the frame: then columns do not have the order
-  /// of the joints.
-  bool moved_by_mimic(FrameId frame) const noexcept {
-    for (Index i = at(frame).body; i > 0; i = body(i).parent) {
-      if (body(i).mimics) return true;
-    }
-    return false;
+  /// Calls `visit(column, linear, angular)` for each joint that moves the frame, mimics too, from
+  /// the frame to the base: what the column does to the frame through this joint alone, as in
+  /// `jacobian`, which is the sum. No allocation.
+  template <class Visit>
+  void for_each_joint_of(FrameId frame, Visit&& visit) const noexcept {
+    const Frame& f = at(frame);
+    visit_joints(f.body, detail::transform(body(f.body).pose, detail::origin(f.pose)), visit);
   }
   /// Positions of all of `joints`, rad or m.
   const Positions& q() const noexcept { return q_; }
@@ -220,7 +220,6 @@ class KinematicTree {
     Pose<Scalar> origin = IdentityPose{};  // of the joint's frame in the parent body
     Vector3<Scalar> local_axis{Scalar(0), Scalar(0), Scalar(1)};  // on the joint's frame
     Index column{-1};                                             // −1: the root
-    bool mimics{false};
     Scalar multiplier{1}, offset{0};
     Scalar mass{0};
     // mass × centre of mass, on the body
@@ -249,6 +248,13 @@ class KinematicTree {
   Index joint_count() const noexcept { return static_cast<Index>(joints_.size()); }
 
   void compute() noexcept {
+    const Matrix3<Scalar> turn = detail::rotation(bodies_[0].pose);
+    for (Index j = 0; j < base_motion_.cols(); ++j) {
+      for (Index row = 0; row < 6; row += 3) {
+        detail::set_column3(base_twist_, row, j,
+                            detail::times(turn, detail::column3(base_motion_, row, j)));
+      }
+    }
     for (std::size_t i = 1; i < bodies_.size(); ++i) {
       Body& b = bodies_[i];
       const Pose<Scalar>& parent = body(b.parent).pose;
@@ -276,29 +282,37 @@ class KinematicTree {
     for (Index c = 0; c < joint_count(); ++c) {
       for (Index row = 0; row < 6; ++row) J(row, c) = Scalar(0);
     }
+    visit_joints(i, p,
+                 [&J](Index c, const Vector3<Scalar>& linear, const Vector3<Scalar>& angular) {
+                   for (Index row = 0; row < 3; ++row) {
+                     J(row, c) += linear(row);
+                     J(3 + row, c) += angular(row);
+                   }
+                 });
+    fill_base_columns(p, J);
+  }
+  // What each joint does to the point `p` of body `i`, from there to the root.
+  template <class Visit>
+  void visit_joints(Index i, const Vector3<Scalar>& p, Visit&& visit) const noexcept {
+    const Vector3<Scalar> none(Scalar(0), Scalar(0), Scalar(0));
     for (; i > 0; i = body(i).parent) {
       const Body& b = body(i);
-      const Vector3<Scalar> linear =
-          b.turns ? detail::cross(b.axis, detail::minus(p, b.point)) : b.axis;
-      for (Index row = 0; row < 3; ++row) {
-        J(row, b.column) += b.multiplier * linear(row);
-        if (b.turns) J(3 + row, b.column) += b.multiplier * b.axis(row);
+      const Vector3<Scalar> axis = detail::scaled(b.axis, b.multiplier);
+      if (b.turns) {
+        visit(b.column, detail::cross(axis, detail::minus(p, b.point)), axis);
+      } else {
+        visit(b.column, axis, none);
       }
     }
-    fill_base_columns(p, J);
   }
   // What the base's columns do to a point `p` that moves with it; 3 × n or 6 × n.
   template <class M>
   void fill_base_columns(const Vector3<Scalar>& p, M& J) const noexcept {
-    const Matrix3<Scalar> R = detail::rotation(bodies_[0].pose);
     const Vector3<Scalar> r = detail::minus(p, detail::origin(bodies_[0].pose));
     for (Index j = 0; j < base_motion_.cols(); ++j) {
-      const Vector3<Scalar> angular = detail::times(R, detail::column3(base_motion_, 3, j));
-      detail::set_column3(J, 0, joint_count() + j,
-                          detail::plus(detail::times(R, detail::column3(base_motion_, 0, j)),
-                                       detail::cross(angular, r)));
+      detail::set_column3(J, 0, joint_count() + j, detail::velocity_at(base_twist_, j, r));
       if constexpr (M::RowsAtCompileTime == 6) {
-        detail::set_column3(J, 3, joint_count() + j, angular);
+        detail::set_column3(J, 3, joint_count() + j, detail::column3(base_twist_, 3, j));
       }
     }
   }
@@ -472,7 +486,6 @@ class KinematicTree {
       }
       Body& b = bodies_[static_cast<std::size_t>(moved[i])];
       b.column = body(moved[leader]).column;
-      b.mimics = true;
       b.multiplier = multiplier;
       b.offset = offset;
       if (!std::isfinite(multiplier) || !std::isfinite(offset)) {
@@ -501,8 +514,8 @@ class KinematicTree {
   };
 
   Index dof_{0};
-  typename Base<Scalar>::Motion base_motion_;
-  std::vector<Body> bodies_;  // a body after its parent
+  typename Base<Scalar>::Motion base_motion_, base_twist_;  // components on the base; on ⟨0⟩
+  std::vector<Body> bodies_;                                // a body after its parent
   std::vector<Frame> frames_;
   std::vector<JointInfo<Scalar>> joints_;
   std::vector<Index> joint_body_;

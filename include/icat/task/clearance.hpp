@@ -137,12 +137,11 @@ class ClearanceTask : public ReactiveTask<R> {
   /// Adds to the row what the velocity of body `i` at the point does, times `sign`.
   void add_motion(Index row, Index i, const Proximity<Scalar>& near, Scalar sign) noexcept {
     const FrameId frame = body(i).frame;
-    const Vector3<Scalar> linear = scaled(near.gradient, sign);
-    const Vector3<Scalar> angular =
-        cross(minus(near.point, origin(Pose<Scalar>(this->robot().pose(frame)))), linear);
+    const Vector3<Scalar> gradient = scaled(near.gradient, sign);
+    const Vector3<Scalar> r = minus(near.point, origin(Pose<Scalar>(this->robot().pose(frame))));
     const auto& J = this->robot().jacobian(frame);
     for (Index j = 0; j < J.cols(); ++j) {
-      this->jacobian_(row, j) += dot(linear, column3(J, 0, j)) + dot(angular, column3(J, 3, j));
+      this->jacobian_(row, j) += dot(gradient, velocity_at(J, j, r));
     }
   }
 
@@ -226,10 +225,8 @@ class Clearance : public detail::ClearanceTask<R> {
       for (std::size_t k = 0; k < obstacles_.size(); ++k, ++row) {
         const Proximity<Scalar> near = this->measure(row, i, obstacles_[k]);
         const Vector3<Scalar> arm = detail::minus(near.point, obstacles_[k].origin());
-        const Vector3<Scalar> velocity =
-            detail::plus(detail::column3(velocities_[k], 0, 0),
-                         detail::cross(detail::column3(velocities_[k], 3, 0), arm));
-        this->reference_(row) += detail::dot(near.gradient, velocity);
+        this->reference_(row) +=
+            detail::dot(near.gradient, detail::velocity_at(velocities_[k], 0, arm));
       }
     }
   }
@@ -286,9 +283,8 @@ class SelfClearance : public detail::ClearanceTask<R> {
         const Vector3<Scalar> r =
             detail::minus(detail::origin(Pose<Scalar>(robot.pose(this->body(pair.second).frame))),
                           detail::origin(Pose<Scalar>(robot.pose(this->body(pair.first).frame))));
-        const Vector3<Scalar> carried =
-            detail::plus(detail::column3(J, 0, j), detail::cross(detail::column3(J, 3, j), r));
-        const Vector3<Scalar> v = detail::minus(detail::column3(K, 0, j), carried),
+        const Vector3<Scalar> v = detail::minus(detail::column3(K, 0, j),
+                                                detail::velocity_at(J, j, r)),
                               w = detail::minus(detail::column3(K, 3, j), detail::column3(J, 3, j));
         apart = apart || detail::norm(v) + detail::norm(w) > Scalar(1e-5);
       }

@@ -163,11 +163,8 @@ class TargetTask : public DirectionTask<R> {
     Scalar feed_forward[2] = {Scalar(0), Scalar(0)};
     for (Index row = 0; row < this->rows(); ++row) {
       // ẋ = g · (ṗ − v − ω × p); the target's own motion goes to the reference or to its columns.
-      const Vector3<Scalar> g0 = this->gradient(row);
-      const Vector3<Scalar> g = transposed_times(D, g0), turning = cross(g0, d);
-      for (Index j = 0; j < J.cols(); ++j) {
-        this->jacobian_(row, j) = dot(turning, column3(J, 3, j)) - dot(g, column3(J, 0, j));
-      }
+      const Vector3<Scalar> g = transposed_times(D, this->gradient(row));
+      for (Index j = 0; j < J.cols(); ++j) this->jacobian_(row, j) = -dot(g, velocity_at(J, j, p));
       if (target_) {
         const auto& K = robot.jacobian(*target_);
         for (Index j = 0; j < K.cols(); ++j) {

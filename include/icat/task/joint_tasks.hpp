@@ -143,32 +143,49 @@ class JointLimits : public detail::JointTask<R> {
   /// Allocates.
   [[gnu::cold]] JointLimits(const R& robot, Options options)
       : detail::JointTask<R>(robot, options.name, options.joints, false, options.gain),
-        max_rate_(options.max_rate) {
+        max_rate_(options.max_rate),
+        to_middle_(options.to_middle) {
     this->check("margin", options.margin);
     this->check("max_rate", options.max_rate);
     for (Index k = 0; k < this->joint_count(); ++k) {
       const auto& joint = this->joint(k);
-      Scalar margin = options.margin[k];
-      if (!std::isfinite(margin)) {
+      const Scalar margin =
+          options.margin.for_all() ? widest(k, options.margin[k]) : options.margin[k];
+      if (!std::isfinite(options.margin[k])) {
         detail::invalid("task '", this->name(), "': the margin of joint '", joint.name,
-                        "' must be finite, got ", margin);
+                        "' must be finite, got ", options.margin[k]);
       }
-      const Scalar quarter = (joint.upper - joint.lower) / Scalar(4);
-      if (options.margin.for_all()) {
-        margin = std::min(margin, quarter);
-      } else if (!(margin < Scalar(2) * quarter)) {
+      if (!has_room(k, margin)) {
         detail::invalid("task '", this->name(), "': a margin of ", margin, " leaves joint '",
                         joint.name, "' no room in [", joint.lower, ", ", joint.upper, "]");
       }
-      objectives_.push_back(Objective<Scalar>::between(joint.lower, joint.upper, margin));
-      const Scalar middle = (joint.lower + joint.upper) / Scalar(2);
-      if (options.to_middle && std::isfinite(middle)) {
-        objectives_.back() = objectives_.back().toward(middle);
-      }
+      objectives_.push_back(objective(k, margin));
       this->jacobian_(k, this->column(k)) = Scalar(1);
     }
   }
 
+  /// Another margin for all joints, rad or m, at most a quarter of each one's range; refused unless
+  /// finite and > 0.
+  Status set_margin(Scalar margin) noexcept {
+    if (!(margin > Scalar(0)) || !std::isfinite(margin)) return Status::out_of_range;
+    for (Index k = 0; k < this->rows(); ++k) {
+      if (!has_room(k, widest(k, margin))) return Status::out_of_range;
+    }
+    for (Index k = 0; k < this->rows(); ++k) set_objective(k, widest(k, margin));
+    return Status::ok;
+  }
+  /// Another margin for each joint of the task, rad or m, any Eigen vector. Refused if not finite,
+  /// not > 0, of another size, or where it leaves a joint no room; then the old ones stay.
+  template <class V>
+  Status set_margin(const Eigen::MatrixBase<V>& margins) noexcept {
+    if (margins.size() != this->rows()) return Status::wrong_size;
+    for (Index k = 0; k < this->rows(); ++k) {
+      if (!std::isfinite(margins(k))) return Status::non_finite;
+      if (!(margins(k) > Scalar(0)) || !has_room(k, margins(k))) return Status::out_of_range;
+    }
+    for (Index k = 0; k < this->rows(); ++k) set_objective(k, margins(k));
+    return Status::ok;
+  }
   /// Another rate for all joints, rad/s or m/s; refused unless > 0.
   Status set_max_rate(Scalar rate) noexcept {
     if (!(rate > Scalar(0))) return Status::out_of_range;
@@ -177,6 +194,23 @@ class JointLimits : public detail::JointTask<R> {
   }
 
  private:
+  // One margin for all is at most this.
+  Scalar widest(Index k, Scalar margin) const noexcept {
+    return std::min(margin, (this->joint(k).upper - this->joint(k).lower) / Scalar(4));
+  }
+  bool has_room(Index k, Scalar margin) const noexcept {
+    return this->joint(k).lower + margin < this->joint(k).upper - margin;
+  }
+  // Throws nothing where there is room.
+  Objective<Scalar> objective(Index k, Scalar margin) const {
+    const auto& joint = this->joint(k);
+    const auto inside = Objective<Scalar>::between(joint.lower, joint.upper, margin);
+    const Scalar middle = (joint.lower + joint.upper) / Scalar(2);
+    return to_middle_ && std::isfinite(middle) ? inside.toward(middle) : inside;
+  }
+  void set_objective(Index k, Scalar margin) noexcept {
+    objectives_[static_cast<std::size_t>(k)] = objective(k, margin);
+  }
   void compute() noexcept override {
     for (Index k = 0; k < this->rows(); ++k) {
       this->set_scalar(k, this->position(k), objectives_[static_cast<std::size_t>(k)],
@@ -185,6 +219,7 @@ class JointLimits : public detail::JointTask<R> {
   }
 
   PerJoint<Scalar> max_rate_;
+  bool to_middle_;
   std::vector<Objective<Scalar>> objectives_;
 };
 

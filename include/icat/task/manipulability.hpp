@@ -3,16 +3,19 @@
 /// Manipulability of a frame by some joints, with its gradient:
 ///
 ///     μ = √det(J Jᵀ) = Π σ_k,  J = Σ σ_k u_k v_kᵀ the columns of those joints  [MARIS, Eq. (14)]
-///     ∂μ/∂q_i = Σ_k (Π_{l≠k} σ_l) u_kᵀ (∂J/∂q_i) v_k
+///     ∂μ/∂q_i = Σ_j y_jᵀ ∂J_j/∂q_i,  Y = μ (J^#)ᵀ
 ///     ∂J_j/∂q_i = [ω_i × v_j; ω_i × ω_j] for i at or before j on the way to the frame,
 ///                 [ω_j × v_i; 0] after it
 ///
-/// The second line equals μ tr(∂J/∂q_i J^#) without its 0 · ∞ at a singular arm. For fewer than six
-/// joints μ = √det(JᵀJ). μ has a kink at a singular arm; the gradient leaves out the part of a
-/// vanished σ_k, which is the mean of both sides.
+/// The second line is μ tr(∂J/∂q_i J^#). For fewer than six joints μ = √det(JᵀJ). With the
+/// orthogonal Q and the triangular R of Jᵀ, or of J for fewer than six joints, μ = Π |r_kk| and
+/// Y = μ Q R⁻ᵀ (transposed or not): both are as exact as J is, also near a singular arm. μ has a
+/// kink there, where the gradient is 0, the mean of both sides.
 ///
-/// On the way from the base to a frame the columns of joints must be in that order, as they are in
-/// every tree of this library and of the adapters, and none may be moved by a mimic.
+/// Where a mimic is on the way, J_j is a sum over the joints that move with column j, and so is
+/// ∂/∂q_i. A robot that has mimics says what each of its joints does (`for_each_joint_of`, see
+/// kinematic_tree.hpp); of another the columns of the joints on the way from the base to a frame
+/// must be in that order, as they are in every tree.
 #pragma once
 
 #include <algorithm>
@@ -21,120 +24,95 @@
 #include <vector>
 
 #include "icat/math/spatial_algebra.hpp"
-#include "icat/math/symmetric_eigen.hpp"
 #include "icat/task/task.hpp"
 
 namespace icat {
 namespace detail {
 
-/// μ and ∂μ/∂q of a 6 × m block of the frame's Jacobian.
-template <class Scalar>
+/// μ and μ (J^#)ᵀ of a 6 × m matrix J. Construction allocates; nothing else does.
+template <class ScalarType>
 class ManipulabilityMeasure {
  public:
-  explicit ManipulabilityMeasure(const std::vector<Index>& columns)
-      : columns_(columns),
-        m_(static_cast<Index>(columns.size())),
-        side_(std::min<Index>(m_, 6)),
-        eigen_(6),
-        block_(zeros<Block>(6, m_)),
-        y_(block_) {}
+  using Scalar = ScalarType;
+  explicit ManipulabilityMeasure(Index columns)
+      : wide_(columns >= 6),
+        rows_(wide_ ? columns : 6),
+        side_(wide_ ? 6 : columns),
+        q_(static_cast<std::size_t>(rows_ * side_)) {}
 
-  /// μ of the columns of `J`. No allocation.
-  template <class Jacobian>
-  Scalar compute(const Jacobian& J) noexcept {
-    for (Index j = 0; j < m_; ++j) {
-      for (Index i = 0; i < 6; ++i) block_(i, j) = J(i, column(j));
-    }
-    fill(y_, Scalar(0));
-    return solve(side_);
-  }
+  /// The element of J in row `i` and column `j`, to be set before `compute`; after it, that of
+  /// μ (J^#)ᵀ.
+  Scalar& operator()(Index i, Index j) noexcept { return q_[place(i, j)]; }
+  Scalar operator()(Index i, Index j) const noexcept { return q_[place(i, j)]; }
 
-  /// ∂μ/∂q for the joint in column `c` of `J`, after `compute`.
-  template <class Jacobian>
-  Scalar gradient(const Jacobian& J, Index c) const noexcept {
-    const Vector3<Scalar> linear_i = column3(J, 0, c), angular_i = column3(J, 3, c);
-    Scalar sum(0);
-    for (Index j = 0; j < m_; ++j) {
-      const Vector3<Scalar> linear_j = column3(block_, 0, j), angular_j = column3(block_, 3, j);
-      const Vector3<Scalar> y_linear = column3(y_, 0, j);
-      if (c <= column(j)) {
-        sum += dot(angular_i, plus(cross(linear_j, y_linear), cross(angular_j, column3(y_, 3, j))));
-      } else {
-        sum += dot(cross(angular_j, linear_i), y_linear);
-      }
-    }
-    return sum;
-  }
-
- private:
-  using Block = Eigen::Matrix<Scalar, 6, Eigen::Dynamic>;
-  using Small = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 6, 6>;
-  Index column(Index k) const noexcept { return columns_[static_cast<std::size_t>(k)]; }
-  static Scalar dot6(const Scalar* a, const Scalar* b) noexcept {
-    return (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) + (a[3] * b[3] + a[4] * b[4] + a[5] * b[5]);
-  }
-
-  Scalar solve(Index side) noexcept {
-    // J Jᵀ, or JᵀJ for fewer than six columns: the side that has full rank.
-    const bool tall = side < 6;
-    const Scalar* J = block_.data();
-    Small S(side, side);
-    fill(S, Scalar(0));
-    for (Index j = 0; j < m_; ++j) {
-      for (Index b = 0; b < side; ++b) {
-        if (tall) {
-          S(b, j) = dot6(J + 6 * b, J + 6 * j);
-          continue;
+  /// μ; where J has not full rank as far as rounding can tell, all is 0.
+  Scalar compute() noexcept {
+    // Gram–Schmidt with column pivoting; each column once more, for what rounding left of the
+    // others in it.
+    const Scalar rounding = Scalar(16) * std::numeric_limits<Scalar>::epsilon();
+    Scalar R[6][6], value(1);
+    Index order[6] = {0, 1, 2, 3, 4, 5};
+    for (Index k = 0; k < side_; ++k) {
+      Scalar largest(-1);
+      Index pivot = k;
+      for (Index c = k; c < side_; ++c) {
+        const Scalar square = dot(order[c], order[c]);
+        if (square > largest) {
+          largest = square;
+          pivot = c;
         }
-        const Scalar x = J[6 * j + b];
-        for (Index a = 0; a < side; ++a) S(a, b) += J[6 * j + a] * x;
       }
+      std::swap(order[k], order[pivot]);
+      for (Index j = 0; j < k; ++j) std::swap(R[j][k], R[j][pivot]);
+      for (Index j = 0; j < k; ++j) R[j][k] += take_out(order[j], order[k]);
+      R[k][k] = std::sqrt(dot(order[k], order[k]));
+      if (!(R[k][k] > rounding * R[0][0])) {
+        std::fill(q_.begin(), q_.end(), Scalar(0));
+        return Scalar(0);
+      }
+      value *= R[k][k];
+      scale(order[k], Scalar(1) / R[k][k]);
+      for (Index c = k + 1; c < side_; ++c) R[k][c] = take_out(order[k], order[c]);
     }
-    if (!eigen_.compute(S)) return Scalar(0);
-
-    // σ_k from J itself: the square root of a small eigenvalue of the Gram matrix is noise.
-    const auto& V = eigen_.vectors();
-    Scalar sigma[6], largest(0), value(1);
-    for (Index k = 0; k < side; ++k) {
-      Scalar square(0);
-      for (Index i = 0; i < (tall ? 6 : m_); ++i) {
-        Scalar sum(0);
-        for (Index l = 0; l < side; ++l) sum += (tall ? J[6 * l + i] : J[6 * i + l]) * V(l, k);
-        square += sum * sum;
-      }
-      sigma[k] = std::sqrt(square);
-      value *= sigma[k];
-      largest = sigma[k] > largest ? sigma[k] : largest;
-    }
-    // y = μ (J^#)ᵀ = A J or J A, A = Σ_k (Π_{l≠k} σ_l / σ_k) s_k s_kᵀ over that side's vectors.
-    // Below `rounding` σ_k is noise, and so would be what is divided by it.
-    const Scalar rounding = Scalar(16) * std::numeric_limits<Scalar>::epsilon() * largest;
-    fill(S, Scalar(0));
-    for (Index k = 0; k < side; ++k) {
-      if (!(sigma[k] > rounding)) continue;
-      Scalar weight = Scalar(1) / sigma[k];
-      for (Index l = 0; l < side; ++l) {
-        if (l != k) weight *= sigma[l];
-      }
-      for (Index b = 0; b < side; ++b) {
-        const Scalar factor = weight * V(b, k);
-        for (Index a = 0; a < side; ++a) S(a, b) += factor * V(a, k);
-      }
-    }
-    for (Index j = 0; j < m_; ++j) {
-      for (Index l = 0; l < side; ++l) {
-        const Scalar factor = tall ? S(l, j) : J[6 * j + l];
-        const Scalar* x = tall ? J + 6 * l : S.data() + 6 * l;
-        for (Index i = 0; i < 6; ++i) y_(i, j) += factor * x[i];
-      }
+    // Y Rᵀ = μ Q, from the last column on.
+    for (Index k = side_; k-- > 0;) {
+      scale(order[k], value);
+      for (Index c = k + 1; c < side_; ++c) add(order[k], -R[k][c], order[c]);
+      scale(order[k], Scalar(1) / R[k][k]);
     }
     return value;
   }
 
-  std::vector<Index> columns_;
-  Index m_, side_;
-  SymmetricEigen<Scalar, 6> eigen_;
-  Block block_, y_;  // the columns, and μ (J^#)ᵀ
+ private:
+  std::size_t place(Index i, Index j) const noexcept {
+    return static_cast<std::size_t>(wide_ ? rows_ * i + j : rows_ * j + i);
+  }
+  // A column of Q.
+  Scalar* column(Index j) noexcept { return q_.data() + rows_ * j; }
+  Scalar dot(Index a, Index b) noexcept {
+    const Scalar *x = column(a), *y = column(b);
+    Scalar sum(0);
+    for (Index i = 0; i < rows_; ++i) sum += x[i] * y[i];
+    return sum;
+  }
+  void add(Index a, Scalar s, Index b) noexcept {
+    Scalar *x = column(a), *y = column(b);
+    for (Index i = 0; i < rows_; ++i) x[i] += s * y[i];
+  }
+  void scale(Index a, Scalar s) noexcept {
+    Scalar* x = column(a);
+    for (Index i = 0; i < rows_; ++i) x[i] *= s;
+  }
+  // Takes the part along the unit vector a out of b; how much it was.
+  Scalar take_out(Index a, Index b) noexcept {
+    const Scalar part = dot(a, b);
+    add(b, -part, a);
+    return part;
+  }
+
+  bool wide_;
+  Index rows_, side_;
+  std::vector<Scalar> q_;  // rows × side by columns: Jᵀ if it is wide, else J; then Q; then Y
 };
 
 }  // namespace detail
@@ -159,8 +137,8 @@ class Manipulability : public ScalarTask<R> {
 
   /// `objective` in the unit of μ (m³ for a revolute arm of six joints or more), such as
   /// `at_least(0.08, 0.01)`.
-  /// @throws std::invalid_argument on settings out of range, no joint that moves the frame, one of
-  ///         `joints` that does not, or a mimic among those that do. Allocates.
+  /// @throws std::invalid_argument on settings out of range, no joint that moves the frame, or one
+  ///         of `joints` that does not. Allocates.
   [[gnu::cold]] Manipulability(const R& robot, FrameId frame, const Objective<Scalar>& objective)
       : Manipulability(robot, frame, objective, Options{}) {}
   /// The same with options.
@@ -168,13 +146,13 @@ class Manipulability : public ScalarTask<R> {
                                Options options)
       : ScalarTask<R>(robot, options.name, objective, options.gain, options.max_rate),
         frame_(frame),
-        joints_(moving(robot, frame, {}, options.name)),
-        measure_(moving(robot, frame, options.joints, options.name)) {
-    if constexpr (requires { robot.moved_by_mimic(frame); }) {
-      if (robot.moved_by_mimic(frame)) {
-        detail::invalid("task '", options.name, "': a mimic is among the joints of the frame");
-      }
-    }
+        chosen_(moving(robot, frame, options.joints, options.name)),
+        place_(static_cast<std::size_t>(robot.dof()), Index{-1}),
+        measure_(static_cast<Index>(chosen_.size())) {
+    for (const Index c : joint_columns(robot)) joints_.push_back(c);
+    std::sort(joints_.begin(), joints_.end());
+    Index k = 0;
+    for (const Index c : chosen_) place_[static_cast<std::size_t>(c)] = k++;
   }
 
  private:
@@ -201,14 +179,44 @@ class Manipulability : public ScalarTask<R> {
   }
 
   void compute() noexcept override {
-    const auto& J = this->robot().jacobian(frame_);
-    const Scalar value = measure_.compute(J);
-    for (const Index c : joints_) this->jacobian_(0, c) = measure_.gradient(J, c);
-    this->set_value(value);
+    const R& robot = this->robot();
+    const auto& J = robot.jacobian(frame_);
+    for (std::size_t k = 0; k < chosen_.size(); ++k) {
+      for (Index i = 0; i < 6; ++i) measure_(i, static_cast<Index>(k)) = J(i, chosen_[k]);
+    }
+    this->set_value(measure_.compute());
+    detail::fill(this->jacobian_, Scalar(0));
+    // From the frame to the base. With a · (b × c) = b · (c × a) the sums over j are the same for
+    // all i but for where they begin; those over j before i are all but the others.
+    const Vector3<Scalar> none(Scalar(0), Scalar(0), Scalar(0));
+    Vector3<Scalar> after = none, turned = none;
+    const auto visit = [&](Index c, const Vector3<Scalar>& linear, const Vector3<Scalar>& angular) {
+      const Index k = place_[static_cast<std::size_t>(c)];
+      if (k >= 0) {
+        const Vector3<Scalar> y = detail::column3(measure_, 0, k);
+        after = detail::plus(after,
+                             detail::plus(detail::cross(linear, y),
+                                          detail::cross(angular, detail::column3(measure_, 3, k))));
+        turned = detail::plus(turned, detail::cross(y, angular));
+      }
+      this->jacobian_(0, c) += detail::dot(angular, after) - detail::dot(linear, turned);
+    };
+    if constexpr (requires { robot.for_each_joint_of(frame_, visit); }) {
+      robot.for_each_joint_of(frame_, visit);
+    } else {
+      for (std::size_t i = joints_.size(); i-- > 0;) {
+        visit(joints_[i], detail::column3(J, 0, joints_[i]), detail::column3(J, 3, joints_[i]));
+      }
+    }
+    for (const Index c : joints_) {
+      this->jacobian_(0, c) += detail::dot(detail::column3(J, 0, c), turned);
+    }
   }
 
   FrameId frame_;
-  std::vector<Index> joints_;  // columns of all joints that move the frame
+  std::vector<Index> joints_;  // columns of all joints, ascending
+  std::vector<Index> chosen_;  // those of the task
+  std::vector<Index> place_;   // of each column of ẏ among them; −1
   detail::ManipulabilityMeasure<Scalar> measure_;
 };
 

@@ -44,11 +44,8 @@ class RelativeFrame {
     const Matrix3<Scalar> back = transpose(rotation(from));
     const Vector3<Scalar> r = minus(origin(pose_), origin(from));
     for (Index j = 0; j < J.cols(); ++j) {
-      const Vector3<Scalar> omega = column3(K, 3, j);
-      const Vector3<Scalar> linear =
-          minus(minus(column3(J, 0, j), column3(K, 0, j)), cross(omega, r));
-      set_column3(jacobian_, 0, j, times(back, linear));
-      set_column3(jacobian_, 3, j, times(back, minus(column3(J, 3, j), omega)));
+      set_column3(jacobian_, 0, j, times(back, minus(column3(J, 0, j), velocity_at(K, j, r))));
+      set_column3(jacobian_, 3, j, times(back, minus(column3(J, 3, j), column3(K, 3, j))));
     }
     pose_ = make_pose(times(back, rotation(pose_)), times(back, r));
   }

@@ -322,6 +322,40 @@ TEST(PinocchioRobot, PlanarBase) {
   EXPECT_EQ(robot.update(Eigen::Vector2d(0, 0), root * on_plane), Status::out_of_range);
 }
 
+// The measure of a frame that mimics move is that of the tree, with its gradient.
+TEST(PinocchioRobot, ManipulabilityWithMimics) {
+  std::string xml = "<robot name='arm'><link name='link0'/>";
+  for (int i = 1; i <= 6; ++i) {
+    const std::string number = std::to_string(i), before = std::to_string(i - 1);
+    const std::string mimic = i == 3   ? "<mimic joint='joint1' multiplier='-0.7' offset='0.2'/>"
+                              : i == 5 ? "<mimic joint='joint2' multiplier='0.5'/>"
+                                       : "";
+    xml +=
+        "<link name='link" + number + "'/><joint name='joint" + number + "' type='" +
+        (i == 5 ? "prismatic" : "revolute") + "'><parent link='link" + before +
+        "'/><child link='link" + number + "'/><origin xyz='0.3 0.1 -0.2' rpy='0." + number +
+        " 0.7 -0.3'/><axis xyz='0 0.6 0.8'/><limit lower='-2' upper='2' velocity='1' effort='1'/>" +
+        mimic + "</joint>";
+  }
+  xml += "</robot>";
+  torso::Tree tree = icat::parse_urdf(xml, {.base = icat::Base<double>::free()});
+  Robot robot(model_of(xml, true));
+  ASSERT_EQ(robot.joints().size(), 4u);
+  const auto map = torso::columns(tree, robot);
+  const auto objective = icat::Objective<double>::equal_to(1);
+  icat::task::Manipulability<torso::Tree> expected(tree, tree.frame("link6"), objective);
+  icat::task::Manipulability<Robot> mu(robot, robot.frame("link6"), objective);
+  for (const auto& s : torso::states(tree, 20, 7)) {
+    ASSERT_EQ(tree.update(s.q, s.base), Status::ok);
+    ASSERT_EQ(robot.update(torso::positions(tree, robot, s.q), s.base), Status::ok);
+    expected.update();
+    mu.update();
+    EXPECT_NEAR(mu.value(), expected.value(), 1e-12);
+    EXPECT_LT((torso::ordered(mu.jacobian(), map) - expected.jacobian()).norm(), 1e-12);
+    EXPECT_GT(mu.jacobian().norm(), 1e-3);
+  }
+}
+
 TEST(PinocchioRobot, WhatIsRefusedAndHow) {
   const auto refusal = [](const pinocchio::Model& model) {
     try {
