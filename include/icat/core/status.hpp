@@ -21,6 +21,8 @@ enum class [[nodiscard]] Status{
     unknown_action,           ///< no action of that name or index
     unknown_joint,            ///< no joint or column of that name or index
     unknown_agent,            ///< no other agent of that index
+    round_out_of_range,       ///< a message of a round too far from this agent's own
+    implausible,              ///< finite numbers that no robot that works could have meant
 };
 
 /// One line for a log. No allocation.
@@ -52,6 +54,10 @@ constexpr const char* describe(Status status) noexcept {
       return "unknown joint";
     case Status::unknown_agent:
       return "unknown agent";
+    case Status::round_out_of_range:
+      return "a round too far from this agent's own";
+    case Status::implausible:
+      return "a velocity, difficulty or span beyond the plausible";
   }
   return "unknown status";
 }
