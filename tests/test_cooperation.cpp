@@ -730,7 +730,8 @@ TEST(AgreementFuzz, NeverImplausibleNeverStuck) {
       };
       std::vector<Agreement> agents;
       for (std::size_t i = 0; i < 2; ++i) {
-        Options options{.index = i, .spans = rich, .hold = 0.015, .fade = 1e-3};
+        Options options{
+            .index = i, .spans = rich, .hold = 0.015, .fade = 1e-3, .pace = rich == scheduled};
         if (rich) options.policy = icat::fusion::difficulty_weighted<double>();
         agents.emplace_back(options);
       }
@@ -844,7 +845,8 @@ TEST(Fusion, NoFasterThanTheSlowest) {
 /// Two robots that carry one object; each proposes a velocity and can do no more than a speed. What
 /// one hears takes `latency` rounds more.
 struct Carriers {
-  explicit Carriers(int latency_, Options options = {}) : latency(latency_) {
+  explicit Carriers(int latency_, bool pace = true) : latency(latency_) {
+    Options options{.pace = pace};
     options.hold = 1;
     options.fade = 0.1;
     for (std::size_t i = 0; i < 2; ++i) {
@@ -947,7 +949,7 @@ TEST(AgreementPace, TheBoundHoldsWhileThePaceIsRegained) {
 }
 
 TEST(AgreementPace, WithoutACutItIsThePapersMean) {
-  Carriers with(0), without(0, {.pace = false});
+  Carriers with(0), without(0, false);
   for (int k = 0; k < 50; ++k) {
     with.round();
     without.round();

@@ -21,8 +21,9 @@
 /// an agent far behind follows once it has heard `open_rounds` messages of one sender that count
 /// up out of its reach, so a few wrong numbers do nothing.
 ///
-/// **Pace** (beyond the paper). All agents follow the velocity agreed on, or the object is torn.
-/// Each says with its proposal which fraction of it the agent can follow, 1 as long as it can, and
+/// **Pace** (beyond the paper, an option). All agents follow the velocity agreed on, or the object
+/// is torn. Each says with its proposal which fraction of it the agent can follow, 1 as long as it
+/// can, and
 ///
 ///     ẋ̂_t = f(ẋ_1, …, ẋ_N) min_i pace_i
 ///
@@ -30,7 +31,8 @@
 /// one that was agreed on. From then on it is tried with each round whether more is possible, in
 /// steps of 1 / `pace_steps` that double while all goes well up to `recovery`. With f and c steady,
 /// and d rounds until the others hear of it, the tools differ by (1 − c)‖ẋ̂_t‖ for d rounds, and
-/// later by d `recovery` ‖f‖ at most. After one round agreed on without a cut all are the same.
+/// later by d `recovery` ‖f‖ at most. It is off by default because it is said in bits that the
+/// plain message has for its numbers (message.hpp): who speaks the plain one would be misread.
 #pragma once
 
 #include <algorithm>
@@ -64,7 +66,7 @@ struct AgreementOptions {
   Scalar max_linear{5};   ///< m/s, > 0: a faster proposal is implausible
   Scalar max_angular{5};  ///< rad/s, > 0: the same
   Scalar max_span{2};  ///< of ‖2T − I‖₂, ≥ 1: a projector has 1, two tasks that fade ≤ 5/3
-  bool pace{true};     ///< slow down for an agent that cannot follow
+  bool pace{false};       ///< slow down for one that cannot follow: all agents or none, see above
   double recovery{0.01};  ///< of the pace, per round at most, 0 … 1
 };
 
