@@ -158,6 +158,30 @@ void cooperate(Robot& a, Robot& b, icat::FrameId hand, bool compensation) {
   }
 }
 
+// Whatever is heard.
+TEST_F(Allocation, NoneInTheExchange) {
+  using Agreement = icat::Agreement<double>;
+  Agreement a({.spans = true, .pace = true}), b({.index = 1, .spans = true, .pace = true});
+  icat::Vector6<double> v;
+  v << 0.1, 0.2, 0.3, 0, 0.1, 0;
+  const icat::Vector6<double> half = v / 4, fast = 1e3 * v;
+  EXPECT_EQ(count_allocations([&] {
+              for (int k = 0; k < 60; ++k) {
+                (void)a.propose(k % 10 == 9 ? fast : v, v);
+                (void)b.propose(v, v);
+                const long long round = k == 20 ? 1LL << 40 : a.next_round();
+                (void)b.receive(0, round, a.send(round));
+                const long long other = k == 40 ? -5 : b.next_round();
+                (void)a.receive(1, other, b.send(other));
+                (void)a.update(0.1 * k);
+                (void)b.update(0.1 * k);
+                (void)a.achieved(a.velocity(), k % 7 == 0 ? half : v);
+              }
+            }),
+            0);
+  EXPECT_TRUE(a.agreed());
+}
+
 TEST_F(Allocation, NoneInTheCooperation) {
   using Robot = icat::KinematicTree<double, 13>;
   Robot a = icat::uvms(icat::maris_arm<double>()), b = a;

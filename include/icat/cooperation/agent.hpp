@@ -209,8 +209,8 @@ class Agent {
   const Velocity& command() const noexcept { return limits_.command(); }
   /// The boxes and the last command.
   const MotionLimits<R>& limits() const noexcept { return limits_; }
-  /// What the tool is commanded less what was agreed on, components on ⟨t⟩: zero to rounding unless
-  /// limits cut it, nothing is agreed on or held, or the robot stops.
+  /// What the tool is commanded less ẋ̂_t and the correction, components on ⟨t⟩: zero to rounding
+  /// unless limits cut it, nothing is agreed on or held, or the robot stops.
   const Vector6<Scalar>& cut() const noexcept { return cut_; }
   /// ẋ̂_t after the filter, components on ⟨t⟩.
   const Vector6<Scalar>& agreed_velocity() const noexcept { return filter_.value(); }
@@ -290,9 +290,9 @@ class Agent {
       const double passed = second_.clock().since(last_filter_).step;
       (void)filter_.update(agreed, filtered_ ? passed : 0);
       filtered_ = true;
-      Vector6<Scalar> commanded = filter_.value();
-      for (Index i = 0; i < 6; ++i) commanded(i) += correction(i);
-      status = agreed_velocity_.set_velocity(commanded);
+      commanded_ = filter_.value();
+      for (Index i = 0; i < 6; ++i) commanded_(i) += correction(i);
+      status = agreed_velocity_.set_velocity(commanded_);
       if (status == Status::ok) status = second_.refresh();
       if (status == Status::ok) status = solve_second();
     }
@@ -347,7 +347,9 @@ class Agent {
     (void)limits_.limit_joints(wanted);
     take();
     const Vector6<Scalar> velocity = tool_velocity(velocity_);
-    for (Index i = 0; i < 6; ++i) cut_(i) = held * (velocity(i) - agreed_velocity()(i));
+    for (Index i = 0; i < 6; ++i) cut_(i) = held * (velocity(i) - commanded_(i));
+    // Only what the limits cut is something that the others can help with.
+    if (solved && !(held < Scalar(1))) (void)agreement_.achieved(commanded_, velocity);
   }
   bool compensates() const noexcept {
     if constexpr (MobileRobot<R>) return compensation_.has_value();
@@ -524,7 +526,7 @@ class Agent {
   double hold_;
   std::optional<Compensation> compensation_;
   Velocity measured_, velocity_, allowed_, answer_;
-  Vector6<Scalar> cut_ = Filled{0};
+  Vector6<Scalar> commanded_ = Filled{0}, cut_ = Filled{0};
   Sensitivity sensitivity_;
   std::vector<ToolEntry> tools_;
   double last_{0}, last_filter_{0}, law_time_{-1};

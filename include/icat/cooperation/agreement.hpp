@@ -12,6 +12,27 @@
 /// The velocity is held until the next round; after `hold` seconds without one the agent falls
 /// back. Between agreed and fallen back the velocity fades, in either direction. An agent cannot
 /// know that the others do not hear it: choose a `hold` after which the object may be in danger.
+///
+/// **Rounds.** The last round this agent sent is its own round. Messages up to `ahead` rounds
+/// ahead of it and less than `open_rounds` behind it count, others are refused. Its own count is
+/// the caller's, who may set it back or move it on at any time. Where no schedule says the number,
+/// `next_round` does: one more than the last, or a later one that another agent has begun. Who is
+/// behind follows who is ahead, never the other way round, so two that have lost each other meet:
+/// an agent far behind follows once it has heard `open_rounds` messages of one sender that count
+/// up out of its reach, so a few wrong numbers do nothing.
+///
+/// **Pace** (beyond the paper, an option). All agents follow the velocity agreed on, or the object
+/// is torn. Each says with its proposal which fraction of it the agent can follow, 1 as long as it
+/// can, and
+///
+///     ẋ̂_t = f(ẋ_1, …, ẋ_N) min_i pace_i
+///
+/// Told that an agent could follow only a fraction c of ẋ̂_t, `achieved` makes its pace c times the
+/// one that was agreed on. From then on it is tried with each round whether more is possible, in
+/// steps of 1 / `pace_steps` that double while all goes well up to `recovery`. With f and c steady,
+/// and d rounds until the others hear of it, the tools differ by (1 − c)‖ẋ̂_t‖ for d rounds, and
+/// later by d `recovery` ‖f‖ at most. It is off by default because it is said in bits that the
+/// plain message has for its numbers (message.hpp): who speaks the plain one would be misread.
 #pragma once
 
 #include <algorithm>
@@ -40,60 +61,135 @@ struct AgreementOptions {
   bool spans{false};                                          ///< exchange them, see fusion.hpp
   double hold{1};                                             ///< s, > 0
   Fallback fallback{Fallback::stop};                          ///< after that
-  double fade{1};  ///< s, > 0: into the fallback and back
+  double fade{1};         ///< s, > 0: into the fallback and back
+  std::size_t ahead{4};   ///< rounds that a message may be ahead of this agent's own, 1 … 7
+  Scalar max_linear{5};   ///< m/s, > 0: a faster proposal is implausible
+  Scalar max_angular{5};  ///< rad/s, > 0: the same
+  Scalar max_span{2};  ///< of ‖2T − I‖₂, ≥ 1: a projector has 1, two tasks that fade ≤ 5/3
+  bool pace{false};       ///< slow down for one that cannot follow: all agents or none, see above
+  double recovery{0.01};  ///< of the pace, per round at most, 0 … 1
 };
 
 /// See the file comment. Time is the caller's.
 template <class Scalar>
 class Agreement {
  public:
-  /// Rounds that may be open at once: a message may come so many rounds late.
+  /// Rounds that may be open at once: a message may come up to 7 rounds late. After a silence, a
+  /// restart of either count, or wrong numbers, all agree again within `open_rounds` + 2 rounds in
+  /// which messages arrive, plus the rounds they take there and back (at most 7 where `next_round`
+  /// is used).
   static constexpr std::size_t open_rounds = 8;
+  /// Rounds are numbers between −`largest_round` and this, without both.
+  static constexpr long long largest_round = 1LL << 62;
 
   /// @throws std::invalid_argument on settings out of range. Allocates; nothing else here does.
   explicit Agreement(const AgreementOptions<Scalar>& options)
       : options_(validated(options)),
         policy_(options.policy ? *options.policy : fusion::mean<Scalar>()),
         rounds_(open_rounds, Round(options)),
+        strays_(options.agents),
         intersection_(options.spans ? options.agents : 1),
         message_(message_size(static_cast<std::size_t>(numbers()))) {}
 
   /// As given at construction.
   const AgreementOptions<Scalar>& options() const noexcept { return options_; }
 
-  /// This agent's proposal: ẋ_i, ẋ̄_t and, where spans are exchanged, T_i. NaN, infinity or what
-  /// float32 cannot hold: refused, and there is nothing to send until a better one comes.
+  /// This agent's proposal: ẋ_i, ẋ̄_t and, where spans are exchanged, T_i, components on ⟨t⟩. NaN,
+  /// infinity, what float32 cannot hold, or what all the others would refuse as implausible:
+  /// refused, and there is nothing to send until a better one comes.
   Status propose(const Vector6<Scalar>& velocity, const Vector6<Scalar>& desired,
                  const Matrix6<Scalar>& span = Matrix6<Scalar>::Identity()) noexcept {
     Said said;
     said.template head<6>() = velocity;
-    if (policy_.difficulties) said(6) = (desired - velocity).norm();
-    if (options_.spans) {
-      said.segment(numbers() - 36, 36) = Eigen::Map<const Vector<Scalar, 36>>(span.data());
+    if (policy_.difficulties) {
+      said(6) = (desired - velocity).norm();
+      // A goal far away is nothing to be refused for: it weighs as much as one can.
+      if (std::isfinite(said(6)) && said(6) > max_difficulty()) said(6) = max_difficulty();
     }
-    const Status status = encode(said.head(numbers()), message_);
+    if (options_.spans) {
+      for (Index k = 0; k < 36; ++k) said(numbers() - 36 + k) = span.data()[k];
+    }
+    Status status = encode(said.head(numbers()), message_);
+    if (status == Status::ok && !plausible(said)) status = Status::implausible;
     proposed_ = status == Status::ok;
     if (proposed_) own_ = velocity;
     return status;
   }
 
+  /// What became of the tool velocity that step 3 `asked` for: `velocity` is what the limits of
+  /// this robot left of it, both on ⟨t⟩. To be called once after each `update`; without it the pace
+  /// stays. What was lost of the linear or the angular speed along `asked` makes the agent slow
+  /// down all the others, see the file comment; less than 1e-5 m/s or rad/s, or 1e-4 of it, is
+  /// rounding. NaN or infinity: refused, the pace stays.
+  Status achieved(const Vector6<Scalar>& asked, const Vector6<Scalar>& velocity) noexcept {
+    if (!asked.allFinite() || !velocity.allFinite()) return Status::non_finite;
+    if (!agreed_ || !options_.pace) return Status::ok;
+    double followed = 1;
+    for (Index part = 0; part < 6; part += 3) {
+      double square = 0, along = 0;
+      for (Index i = part; i < part + 3; ++i) {
+        square += static_cast<double>(asked(i)) * static_cast<double>(asked(i));
+        along += static_cast<double>(asked(i)) * static_cast<double>(velocity(i));
+      }
+      const double lost = square - along, speed = std::sqrt(square);
+      if (!(lost > speed * std::max(1e-5, 1e-4 * speed))) continue;
+      followed = std::min(followed, std::max(along, 0.0) / square);
+    }
+    if (followed < 1) {
+      pace_ = std::min(pace_, commanded_pace_ * followed);
+      regain_ = 1.0 / pace_steps;
+      may_regain_ = false;
+    } else if (may_regain_) {
+      pace_ = std::min(1.0, pace_ + std::min(regain_, options_.recovery));
+      regain_ = std::min(2 * regain_, options_.recovery);
+      may_regain_ = false;
+    }
+    return Status::ok;
+  }
+
   /// There is nothing to send until the next proposal.
   void withdraw() noexcept { proposed_ = false; }
   /// The proposal as bytes, to be sent to all the others now, as this agent's part of `round`: 24,
-  /// 4 more with difficulties, 144 more with spans. Valid until the next `propose`; empty where
-  /// there is none.
+  /// 4 more with difficulties, 144 more with spans. Valid until the next `propose` or `send`; empty
+  /// where there is none. `round` is the agent's own from now on, also where nothing is sent; one
+  /// before the last begins the count anew. A number that is no round: empty, nothing changes.
   std::span<const std::byte> send(long long round) noexcept {
+    if (!is_round(round)) return {};
+    move_to(round);
     if (!proposed_) return {};
+    if (options_.pace) (void)encode_pace(pace_, message_);
     const std::span<const std::byte> bytes(message_);
-    (void)store(options_.index, round, bytes);
+    Said said;
+    if (decode_said(bytes, said) == Status::ok) store(options_.index, round, said, bytes);
     return bytes;
+  }
+  /// The number to give to `send` where it does not follow from a schedule: one more than the last,
+  /// or that of a later round that the others have begun. All agents must take theirs from here,
+  /// and the modem's header must carry it.
+  long long next_round() const noexcept {
+    const long long next = std::max(newest_, own_round_ + 1);
+    return next < largest_round ? next : 0;
   }
 
   /// What agent `sender` sent as its part of `round`. Refused, with the status saying why, it
-  /// counts as not heard. Of a round that is long gone it is ignored.
+  /// counts as not heard: `unknown_agent`, `wrong_size`, `non_finite`, `implausible` or
+  /// `round_out_of_range`. Of a round that was agreed on already it is ignored.
   Status receive(std::size_t sender, long long round, std::span<const std::byte> bytes) noexcept {
     if (sender >= options_.agents || sender == options_.index) return Status::unknown_agent;
-    return store(sender, round, bytes);
+    Said said;
+    if (const Status status = decode_said(bytes, said); status != Status::ok) return status;
+    if (!is_round(round)) return Status::round_out_of_range;
+    const bool near = in_reach(round);
+    if (near) {
+      strays_[sender].count = 0;
+      newest_ = std::max(newest_, round);
+    } else {
+      follow(strays_[sender], round);
+      if (sent_) return Status::round_out_of_range;
+    }
+    // Before the first round of its own an agent knows no better than to put everything aside.
+    store(sender, round, said, bytes);
+    return Status::ok;
   }
 
   /// The tool velocity to command at `time`, components on ⟨t⟩. Always finite; a time that is not,
@@ -101,8 +197,12 @@ class Agreement {
   const Vector6<Scalar>& update(double time) noexcept {
     if (!std::isfinite(time) || time < last_time_) return velocity_;
     last_time_ = time;
-    if (fresh_) agreed_until_ = time + options_.hold;
-    fresh_ = false;
+    if (fresh_) {
+      agreed_until_ = time + options_.hold;
+      commanded_pace_ = fused_pace_;
+      may_regain_ = true;
+      fresh_ = false;
+    }
     const bool agreed = time <= agreed_until_;
     if (agreed != agreed_) {
       agreed_ = agreed;
@@ -118,18 +218,14 @@ class Agreement {
     return velocity_;
   }
 
-  /// The caller's clock was set back to `time`, finite: what was agreed on counts as too old.
-  void restart(double time) noexcept {
-    agreed_until_ = -infinity<double>;
-    agreed_ = false;
-    from_ = velocity_;
-    begin_ = last_time_ = time;
-  }
-
   /// Of the last `update`.
   const Vector6<Scalar>& velocity() const noexcept { return velocity_; }
   /// There is an agreement that is not too old; otherwise the agent falls back.
   bool agreed() const noexcept { return agreed_; }
+  /// Which fraction of the velocity agreed on this agent says it can follow, 0 … 1.
+  double pace() const noexcept { return pace_; }
+  /// The smallest that was said, the one in `velocity`, 0 … 1.
+  double agreed_pace() const noexcept { return commanded_pace_; }
 
  private:
   using Said = Vector<Scalar, 43>;  // [ẋ_i; difficulty; T_i], of which what is exchanged
@@ -138,12 +234,20 @@ class Agreement {
         : velocities(o.agents, Vector6<Scalar>::Zero()),
           spans(o.spans ? o.agents : 0, Matrix6<Scalar>::Identity()),
           difficulties(o.agents, Scalar(0)),
+          paces(o.agents, 1),
           heard(o.agents, false) {}
-    long long number{-1};
+    long long number{0};
+    bool open{false};  // there is something of it
     std::vector<Vector6<Scalar>> velocities;
     std::vector<Matrix6<Scalar>> spans;
     std::vector<Scalar> difficulties;
+    std::vector<double> paces;
     std::vector<bool> heard;
+  };
+  /// Rounds of one sender out of reach, one after the other.
+  struct Stray {
+    long long number{0};
+    std::size_t count{0};
   };
 
   static const AgreementOptions<Scalar>& validated(const AgreementOptions<Scalar>& o) {
@@ -160,6 +264,17 @@ class Agreement {
     }
     detail::require_positive("Agreement", "hold", o.hold);
     detail::require_positive("Agreement", "fade", o.fade);
+    if (o.ahead < 1 || o.ahead >= open_rounds) {
+      detail::invalid("Agreement: ahead must be in [1, ", open_rounds - 1, "], got ", o.ahead);
+    }
+    detail::require_positive("Agreement", "max_linear", o.max_linear);
+    detail::require_positive("Agreement", "max_angular", o.max_angular);
+    if (!(o.max_span >= Scalar(1) && o.max_span <= Scalar(1e3))) {
+      detail::invalid("Agreement: max_span must be in [1, 1000], got ", o.max_span);
+    }
+    if (!(o.recovery > 0 && o.recovery <= 1)) {
+      detail::invalid("Agreement: recovery must be > 0 and <= 1, got ", o.recovery);
+    }
     return o;
   }
 
@@ -167,15 +282,92 @@ class Agreement {
     return 6 + (policy_.difficulties ? 1 : 0) + (options_.spans ? 36 : 0);
   }
 
-  Status store(std::size_t agent, long long number, std::span<const std::byte> bytes) noexcept {
-    Said said;
+  static bool is_round(long long number) noexcept {
+    return -largest_round < number && number < largest_round;
+  }
+  bool in_reach(long long number) const noexcept {
+    const long long ahead = number - own_round_;
+    return ahead <= static_cast<long long>(options_.ahead) &&
+           ahead > -static_cast<long long>(open_rounds);
+  }
+  /// A number out of reach. Doubled and overtaken ones do not count and spoil nothing.
+  void follow(Stray& stray, long long number) noexcept {
+    constexpr auto near = static_cast<long long>(open_rounds);
+    // Both are rounds, so the difference is none that overflows.
+    const long long on = number - stray.number;
+    stray.number = number;
+    if (stray.count > 0 && -near <= on && on <= 0) return;
+    stray.count = stray.count > 0 && 0 < on && on <= near ? stray.count + 1 : 1;
+    if (stray.count >= open_rounds) newest_ = std::max(newest_, number);
+  }
+  /// What is known of rounds that this agent has left is of no use any more.
+  void move_to(long long number) noexcept {
+    const bool anew = !sent_ || number < own_round_;
+    if (sent_ && anew) {
+      newest_ = number;
+      for (Round& round : rounds_) round.open = false;
+    }
+    if (anew) fused_round_ = number - 1;
+    own_round_ = number;
+    sent_ = true;
+    for (Round& round : rounds_) round.open = round.open && in_reach(round.number);
+  }
+
+  Scalar max_difficulty() const noexcept {
+    return Scalar(2) * (options_.max_linear + options_.max_angular);
+  }
+  /// Sender and receivers judge by this alone; rounded numbers may be at the limit.
+  bool plausible(const Vector6<Scalar>& velocity) const noexcept {
+    for (Index part = 0; part < 6; part += 3) {
+      Scalar square(0);
+      for (Index i = part; i < part + 3; ++i) square += velocity(i) * velocity(i);
+      const Scalar limit = part == 0 ? options_.max_linear : options_.max_angular;
+      if (!(std::sqrt(square) <= Scalar(1 + 1e-6) * limit)) return false;
+    }
+    return true;
+  }
+  bool plausible(const Said& said) const noexcept {
+    const Vector6<Scalar> velocity = said.template head<6>();
+    if (!plausible(velocity)) return false;
+    if (policy_.difficulties &&
+        !(said(6) >= Scalar(0) && said(6) <= Scalar(1 + 1e-6) * max_difficulty())) {
+      return false;
+    }
+    return !options_.spans || plausible_span(said.data() + numbers() - 36);
+  }
+  /// ‖2T − I‖₂ ≤ max_span: a Cholesky factorization of max_span² I − (2T − I)ᵀ(2T − I) exists.
+  bool plausible_span(const Scalar* T) const noexcept {
+    const Scalar limit = options_.max_span + Scalar(1e-5);
+    Scalar D[6][6], L[6][6];
+    for (int j = 0; j < 6; ++j) {
+      for (int i = 0; i < 6; ++i) D[i][j] = Scalar(2) * T[6 * j + i] - Scalar(i == j);
+    }
+    for (int j = 0; j < 6; ++j) {
+      for (int i = j; i < 6; ++i) {
+        Scalar left = i == j ? limit * limit : Scalar(0);
+        for (int k = 0; k < 6; ++k) left -= D[k][i] * D[k][j];
+        for (int k = 0; k < j; ++k) left -= L[i][k] * L[j][k];
+        if (i == j && !(left > Scalar(0))) return false;
+        L[i][j] = i == j ? std::sqrt(left) : left / L[j][j];
+      }
+    }
+    return true;
+  }
+
+  Status decode_said(std::span<const std::byte> bytes, Said& said) const noexcept {
     auto sent = said.head(numbers());
     if (const Status status = decode(bytes, sent); status != Status::ok) return status;
-    if (number <= fused_round_) return Status::ok;
+    return plausible(said) ? Status::ok : Status::implausible;
+  }
+
+  void store(std::size_t agent, long long number, const Said& said,
+             std::span<const std::byte> bytes) noexcept {
+    if (sent_ && number <= fused_round_) return;
     Round& round = rounds_[static_cast<std::size_t>(number) % open_rounds];
-    if (number < round.number) return Status::ok;
-    if (number > round.number) {
+    if (!round.open || number != round.number) {
+      if (sent_ && round.open && number < round.number) return;
       round.number = number;
+      round.open = true;
       std::fill(round.heard.begin(), round.heard.end(), false);
     }
     round.velocities[agent] = said.template head<6>();
@@ -183,31 +375,38 @@ class Agreement {
     if (options_.spans) {
       round.spans[agent] = Eigen::Map<const Matrix6<Scalar>>(said.data() + numbers() - 36);
     }
+    if (options_.pace) round.paces[agent] = decode_pace(bytes);
     round.heard[agent] = true;
     if (std::find(round.heard.begin(), round.heard.end(), false) == round.heard.end()) fuse(round);
-    return Status::ok;
   }
 
   void fuse(const Round& round) noexcept {
     fused_round_ = round.number;
     const Proposals<Scalar> proposals{round.velocities, round.spans, round.difficulties};
     Vector6<Scalar> fused = policy_.fuse(proposals);
-    if (options_.spans && fused.allFinite()) fused = intersection_.nearest(fused, proposals);
-    if (!fused.allFinite()) return;  // as if nothing had been heard
-    fused_ = fused;
+    if (options_.spans && plausible(fused)) {
+      fused = intersection_.nearest(fused, proposals);
+      if (intersection_.status() != Status::ok) return;
+    }
+    if (!plausible(fused)) return;  // as if nothing had been heard
+    fused_pace_ = *std::min_element(round.paces.begin(), round.paces.end());
+    for (Index i = 0; i < 6; ++i) fused_(i) = static_cast<Scalar>(fused_pace_) * fused(i);
     fresh_ = true;
   }
 
   AgreementOptions<Scalar> options_;
   FusionPolicy<Scalar> policy_;
   std::vector<Round> rounds_;
+  std::vector<Stray> strays_;
   SpanIntersection<Scalar> intersection_;
   std::vector<std::byte> message_;
   const Vector6<Scalar> zero_{Vector6<Scalar>::Zero()};
   Vector6<Scalar> own_{zero_}, fused_{zero_}, velocity_{zero_}, from_{zero_};
-  long long fused_round_{-1};
+  // The last round that was agreed on, that of the last `send`, and the latest one to join.
+  long long fused_round_{-1}, own_round_{-1}, newest_{-1};
   double agreed_until_{-infinity<double>}, begin_{-infinity<double>}, last_time_{-infinity<double>};
-  bool agreed_{false}, proposed_{false}, fresh_{false};
+  double pace_{1}, fused_pace_{1}, commanded_pace_{1}, regain_{1};
+  bool agreed_{false}, proposed_{false}, fresh_{false}, sent_{false}, may_regain_{false};
 };
 
 }  // namespace icat

@@ -6,6 +6,7 @@
 ///     mean                  ẋ̂ = Σ ẋ_i / N                      what the paper uses
 ///     convex combination    ẋ̂ = Σ w_i ẋ_i,  Σ w_i = 1
 ///     difficulty-weighted   w_i ∝ ‖ẋ̄ − ẋ_i‖                    for who is hindered most
+///     no faster than the slowest                               any of these, with a bound
 ///
 /// All agents must come to the same numbers, so a policy may depend on nothing but what was sent.
 /// Each agent's ẋ̄ is its own: it differs by the gain times what the tools have drifted apart, and
@@ -24,8 +25,11 @@
 /// compromise.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <functional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "icat/core/error.hpp"
@@ -105,6 +109,29 @@ FusionPolicy<Scalar> difficulty_weighted(Scalar even = Scalar(1e-3)) {
           .difficulties = true};
 }
 
+/// What `policy` says, its linear and its angular velocity each no faster than the slowest of the
+/// proposals; where all propose the same it changes nothing. It knows no difference between an
+/// agent that cannot and one that need not: a robot that is where it is to be holds back one that
+/// must give way. Spans are looked at afterwards, and may make it faster again. Allocates.
+template <class Scalar>
+FusionPolicy<Scalar> no_faster_than_slowest(FusionPolicy<Scalar> policy = mean<Scalar>()) {
+  const auto speed = [](const Vector6<Scalar>& v, Index part) {
+    return std::sqrt(v(part) * v(part) + v(part + 1) * v(part + 1) + v(part + 2) * v(part + 2));
+  };
+  FusionPolicy<Scalar> slow = policy;
+  slow.fuse = [fuse = std::move(policy.fuse), speed](const Proposals<Scalar>& p) {
+    Vector6<Scalar> fused = fuse(p);
+    for (Index part = 0; part < 6; part += 3) {
+      Scalar slowest = speed(p.velocities.front(), part);
+      for (const auto& velocity : p.velocities) slowest = std::min(slowest, speed(velocity, part));
+      const Scalar fast = speed(fused, part);
+      for (Index i = part; i < part + 3 && fast > slowest; ++i) fused(i) *= slowest / fast;
+    }
+    return fused;
+  };
+  return slow;
+}
+
 }  // namespace fusion
 
 /// The point next to `preferred` that disturbs no agent, see the file comment.
@@ -117,7 +144,8 @@ class SpanIntersection {
         reference_(Vector<Scalar, Eigen::Dynamic>::Zero(rows_.rows())),
         active_(Vector<Scalar, Eigen::Dynamic>::Ones(rows_.rows())) {}
 
-  /// `proposals` must have as many spans as agents were given. Bad input: zero velocity.
+  /// `proposals` must have as many spans as agents were given. Bad input: zero velocity, and
+  /// `status` says why.
   Vector6<Scalar> nearest(const Vector6<Scalar>& preferred,
                           const Proposals<Scalar>& proposals) noexcept {
     for (std::size_t i = 0; i < proposals.spans.size(); ++i) {
@@ -136,14 +164,18 @@ class SpanIntersection {
       status = tpik_.add_level(Matrix6<Scalar>::Identity(), Vector6<Scalar>::Ones(), preferred);
     }
     const Status closing = tpik_.minimize_velocity();
-    if (status != Status::ok || closing != Status::ok) return detail::zeros<Vector6<Scalar>>(6);
+    status_ = status == Status::ok ? closing : status;
+    if (status_ != Status::ok) return detail::zeros<Vector6<Scalar>>(6);
     return tpik_.velocity();
   }
+  /// Of the last `nearest`.
+  Status status() const noexcept { return status_; }
 
  private:
   Tpik<Scalar, 6> tpik_;
   JacobianMatrix<Scalar, 6> rows_;
   Vector<Scalar, Eigen::Dynamic> reference_, active_;
+  Status status_{Status::ok};
 };
 
 }  // namespace icat

@@ -24,8 +24,10 @@ enum class [[nodiscard]] Status{
     clock_stalled,            ///< ten stamps in a row did not change
     stale_state,              ///< the robot's state is older than `hold`
     stale_velocity,           ///< the measured velocity is older than `hold`
-    missing_velocity,         ///< a given column of the base, or one that is made up for, was not measured
-    implausible_position,     ///< a joint is further outside its range than the range is wide
+    missing_velocity,  ///< a given column of the base, or one that is made up for, was not measured
+    implausible_position,  ///< a joint is further outside its range than the range is wide
+    round_out_of_range,    ///< a message of a round too far from this agent's own
+    implausible,           ///< finite numbers that no robot that works could have meant
 };
 
 /// One line for a log. No allocation.
@@ -67,6 +69,10 @@ constexpr const char* describe(Status status) noexcept {
       return "a velocity of the base that must be measured is missing";
     case Status::implausible_position:
       return "a joint far outside its range: degrees for radians?";
+    case Status::round_out_of_range:
+      return "a round too far from this agent's own";
+    case Status::implausible:
+      return "a velocity, difficulty or span beyond the plausible";
   }
   return "unknown status";
 }
