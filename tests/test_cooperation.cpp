@@ -331,26 +331,6 @@ TEST(Agreement, AWithdrawnProposalIsNotSent) {
   EXPECT_EQ(agent.send(1).size(), 24u);
 }
 
-// A clock that was set back: the agreement is too old, the velocity fades from what it was.
-TEST(Agreement, RestartsAtAnEarlierTime) {
-  Agreement agent(Options{.hold = 0.5, .fade = 1});
-  ASSERT_EQ(agent.propose(twist(1, 0, 0), Vector6::Zero()), Status::ok);
-  ASSERT_EQ(agent.receive(1, 0, agent.send(0)), Status::ok);
-  for (const double t : {100.0, 100.4}) (void)agent.update(t);
-  ASSERT_EQ(agent.receive(1, 1, agent.send(1)), Status::ok);
-  for (const double t : {100.5, 101.0}) (void)agent.update(t);
-  ASSERT_EQ(agent.velocity(), twist(1, 0, 0));
-  agent.restart(0);
-  EXPECT_EQ(agent.update(0), twist(1, 0, 0));
-  EXPECT_FALSE(agent.agreed());
-  EXPECT_LT((agent.update(0.5) - twist(0.5, 0, 0)).norm(), 1e-12);
-  EXPECT_EQ(agent.update(1), Vector6::Zero());
-  ASSERT_EQ(agent.receive(1, 2, agent.send(2)), Status::ok);
-  for (const double t : {1.0, 1.25, 1.5}) (void)agent.update(t);
-  EXPECT_LT((agent.velocity() - twist(0.5, 0, 0)).norm(), 1e-7);
-  EXPECT_TRUE(agent.agreed());
-}
-
 TEST(Agreement, StaysFinite) {
   Agreement agent(
       Options{.policy = {{.fuse = [](const auto&) { return Vector6::Constant(NAN).eval(); }}}});

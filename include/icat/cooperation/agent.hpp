@@ -346,7 +346,12 @@ class Agent {
     }
     (void)limits_.limit_joints(wanted);
     take();
-    const Vector6<Scalar> velocity = tool_velocity(velocity_);
+    // What is made up for moves as measured.
+    const ColumnRange base = compensates() ? detail::base_columns(robot_) : ColumnRange{};
+    for (Index c = 0; c < wanted.size(); ++c) {
+      wanted(c) = base.holds(c) ? measured_(c) : velocity_(c);
+    }
+    const Vector6<Scalar> velocity = tool_velocity(wanted);
     for (Index i = 0; i < 6; ++i) cut_(i) = held * (velocity(i) - commanded_(i));
     // Only what the limits cut is something that the others can help with.
     if (solved && !(held < Scalar(1))) (void)agreement_.achieved(commanded_, velocity);
