@@ -11,8 +11,9 @@
 
 namespace icat {
 
-/// See the file comment. As `Controller` in everything else; a measured velocity of the base is an
-/// argument of every step, one number for each of its columns, on the base.
+/// See the file comment. As `Controller` in everything else; a measured velocity is an argument of
+/// every step: that of the base, one number for each of its columns, on the base; or ẏ, n, of which
+/// the base's and the given columns count. Where it is that of the base, given joints stand still.
 template <MobileRobot R, class Regularization = BellRegularization<typename R::Scalar>>
 class ParallelController {
  public:
@@ -24,7 +25,7 @@ class ParallelController {
   using Velocity = typename BaseController::Velocity;
   /// Of the columns that are not the base's, in their order.
   using JointVelocity = typename BaseCompensation<R, Regularization>::JointVelocity;
-  /// Settings, with defaults; a given joint counts as standing still.
+  /// Settings, with defaults.
   using Options = typename BaseController::Options;
 
   /// As `Controller`.
@@ -84,12 +85,19 @@ class ParallelController {
     return status == Status::ok ? solve_joints() : status;
   }
   /// The law of TPIK 2 for the present state: after it `joint_velocity(measured)` answers every new
-  /// measurement without solving.
+  /// measurement of the base without solving. Given joints stand still.
   Status step_joint_law(double time) noexcept {
     const Status status = first_.update(time);
     return status == Status::ok ? second_.solve_law(first_.levels()) : status;
   }
-  /// q̇ of the last `step_joint_law`, see `BaseCompensation::joint_velocity`.
+  /// The same with given joints that move, until the next law, as in `measured`.
+  template <class V>
+  Status step_joint_law(double time, const Eigen::MatrixBase<V>& measured) noexcept {
+    const Status status = prepare(time, measured);
+    return status == Status::ok ? second_.solve_law(first_.levels(), measured_) : status;
+  }
+  /// q̇ of the last `step_joint_law` for the base's velocity, see
+  /// `BaseCompensation::joint_velocity`.
   template <class V>
   const JointVelocity& joint_velocity(const Eigen::MatrixBase<V>& measured) noexcept {
     return second_.joint_velocity(measured);
@@ -112,9 +120,13 @@ class ParallelController {
  private:
   template <class V>
   Status prepare(double time, const Eigen::MatrixBase<V>& measured) noexcept {
+    // There are joints, so n is not the number of the base's columns.
     const ColumnRange base = first_.robot().base_columns();
-    if (measured.size() != base.count) return Status::wrong_size;
-    for (Index j = 0; j < base.count; ++j) measured_(base.first + j) = measured(j);
+    const bool all = measured.size() == measured_.size();
+    if (!all && measured.size() != base.count) return Status::wrong_size;
+    for (Index c = 0; c < measured_.size(); ++c) {
+      measured_(c) = all ? measured(c) : second_.in_base(c) ? measured(c - base.first) : Scalar(0);
+    }
     return first_.update(time);
   }
   Status solve_base() noexcept {

@@ -197,11 +197,16 @@ class Agent {
   }
 
   /// The law of the compensation on the second hierarchy [Coop, IV-D], for a joint loop faster than
-  /// `step`: after it `joint_velocity(measured)` answers every new measurement of the base.
+  /// `step`: after it `joint_velocity(measured)` answers every new measurement of the base. Given
+  /// joints stand still.
   Status step_joint_law(double time) noexcept requires MobileRobot<R> {
+    return step_joint_law(time, still_velocity());
+  }
+  /// The same with given joints that move, until the next law, as in `measured`, n.
+  Status step_joint_law(double time, const Velocity& measured) noexcept requires MobileRobot<R> {
     if (!compensation_) return Status::not_started;
     const Status status = update_second(time);
-    return status == Status::ok ? compensation_->solve_law(second_.levels()) : status;
+    return status == Status::ok ? compensation_->solve_law(second_.levels(), measured) : status;
   }
   /// See `BaseCompensation::joint_velocity`; zeros without compensation.
   template <class V>
