@@ -157,7 +157,11 @@ std::string fault_of_run(unsigned seed) {
                " in cycle " + std::to_string(k);
       }
       lasting = apart > 0.03 ? lasting + 1 : 0;
-      if (lasting > 3) return "torn by " + std::to_string(apart) + " in cycle " + std::to_string(k);
+      if (k < begin && lasting > 3) return "lasting, in cycle " + std::to_string(k);
+      // Braking takes this from one before the other hears of it, along three axes.
+      if (apart > 2 * std::sqrt(3.0) * acceleration * period) {
+        return "torn by " + std::to_string(apart) + " in cycle " + std::to_string(k);
+      }
     }
     for (std::size_t i = 0; i < 2; ++i) {
       Robot& r = *robots[i];

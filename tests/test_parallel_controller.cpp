@@ -270,6 +270,49 @@ TEST_F(ParallelTest, AGivenJointStandsStillInBothAndInTheLaw) {
   EXPECT_NE(later.velocity()(2), 0);
 }
 
+// A joint that turns while nobody drives it: the others make up for what is measured of it.
+TEST_F(ParallelTest, AGivenJointMovesAsMeasuredInBothAndInTheLaw) {
+  Parallel controller(robot, reach.actions(),
+                      {.given = icat::joint_columns(robot, {"joint3"}), .limits = icat::unlimited});
+  ASSERT_EQ(controller.start("reach", 0), Status::ok);
+  const icat::Columns base_and_joint({2, 7, 8, 9, 10, 11, 12});
+  for (const double speed : {0.15, -0.3, 0.0}) {
+    SCOPED_TRACE(speed);
+    Vector13d all = spread(robot, measured);
+    all(2) = speed;
+    all(0) = NAN;  // of columns that are chosen nothing is needed
+    ASSERT_EQ(controller.step(0, all), Status::ok);
+    all(0) = 0;
+    EXPECT_EQ(controller.velocity()(2), speed);
+    EXPECT_EQ(controller.command()(2), 0);
+    EXPECT_LT((controller.velocity().head<7>() - reach.solve(base_and_joint, all).head<7>()).norm(),
+              1e-10);
+    EXPECT_LT(
+        (controller.velocity().tail<6>() - reach.solve(icat::ColumnRange{2, 1}, all).tail<6>())
+            .norm(),
+        1e-10);
+    Vector13d actual = all;
+    actual.head<7>() = controller.velocity().head<7>();
+    EXPECT_LT((reach.tool.jacobian() * actual - reach.tool.reference()).norm(), 1e-9);
+
+    ASSERT_EQ(controller.step_joint_law(0, all), Status::ok);
+    const Vector7d solved = controller.velocity().head<7>();
+    ASSERT_EQ(controller.follow_joint_law(0, all), Status::ok);
+    EXPECT_EQ(controller.command()(2), 0);
+    EXPECT_LT((controller.velocity().head<7>() - solved).norm(), 1e-9);
+  }
+  // Another measurement of the base alone: the joint stands still again.
+  ASSERT_EQ(controller.step(0, measured), Status::ok);
+  EXPECT_EQ(controller.velocity()(2), 0);
+  // NaN where it is needed.
+  Vector13d bad = spread(robot, measured);
+  bad(2) = NAN;
+  EXPECT_EQ(controller.step(0, bad), Status::non_finite);
+  EXPECT_TRUE(controller.velocity().allFinite());
+  EXPECT_EQ(controller.step_joint_law(0, bad), Status::non_finite);
+  EXPECT_EQ(controller.step_joint_law(0, Eigen::VectorXd::Zero(12)), Status::wrong_size);
+}
+
 TEST_F(ParallelTest, BoundsHoldInBothAndInTheLaw) {
   Parallel::Options options;
   Vector13d upper = Vector13d::Constant(0.04);
@@ -429,6 +472,7 @@ TEST_F(ParallelTest, DoesNotAllocate) {
   Tree tree = testing_support::mobile_arm(icat::Base<double>::free());
   Reach<Tree> dynamic(tree, tree.frame("end_effector"));
   const auto s = testing_support::random_states<double>(3, 22)[2];
+  const Vector13d all = spread(robot, measured);
   const auto run = [&](auto& moving, auto& controller) {
     Status status = Status::not_started;
     EXPECT_EQ(count_allocations([&] {
@@ -442,6 +486,7 @@ TEST_F(ParallelTest, DoesNotAllocate) {
                   if (status == Status::ok) status = controller.step_base(t, measured);
                   if (status == Status::ok) status = controller.step_joints(t, measured);
                   if (status == Status::ok) status = controller.step_joint_law(t);
+                  if (status == Status::ok) status = controller.step_joint_law(t, all);
                   if (status == Status::ok) status = controller.follow_joint_law(t, measured);
                 }
               }),

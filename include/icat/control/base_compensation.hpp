@@ -26,7 +26,7 @@ class BaseCompensation {
   /// Velocities of the columns that are not the base's, in their order.
   using JointVelocity = Vector<Scalar, Eigen::Dynamic>;
 
-  /// `given`: columns besides the base's that are not commanded; in the law they stand still.
+  /// `given`: columns besides the base's that are not commanded.
   /// `levels`: those that will be solved, for their sizes.
   /// @throws std::invalid_argument on bad options, or a robot without joints.
   [[gnu::cold]] BaseCompensation(const R& robot, const typename Solver::Options& options,
@@ -47,6 +47,7 @@ class BaseCompensation {
     Index rows = 0;
     for (const auto& level : levels) rows = std::max(rows, level.jacobian.rows());
     split_.resize(rows, joint_velocity_.size() + 6);
+    reference_.resize(rows);
     bounds_.lower = bounds_.upper = joint_velocity_;
     for (std::size_t k = 0; k < columns_.size(); ++k) {
       bounds_.lower(static_cast<Index>(k)) = options.bounds.lower_of(columns_[k]);
@@ -64,9 +65,8 @@ class BaseCompensation {
   /// TPIK 2 on `levels` for the velocity `measured`, n, of which the base's and the given columns
   /// count. One that is needed and not finite: zero velocity.
   Status solve(std::span<const Level<Scalar, R::size>> levels, const Velocity& measured) noexcept {
-    if (measured.size() != tpik_.measured().size()) return Status::wrong_size;
-    for (Index c = 0; c < measured.size(); ++c) tpik_.measured()(c) = measured(c);
-    return tpik_.solve(levels);
+    const Status status = take(measured);
+    return status == Status::ok ? tpik_.solve(levels) : status;
   }
   /// Bounds of `solve` from now on, n, within those of the options.
   Status set_bounds(const VelocityBounds<Scalar, R::size>& bounds) noexcept {
@@ -77,28 +77,13 @@ class BaseCompensation {
   /// Of the last `solve`.
   const TpikReport<Scalar>& report() const noexcept { return tpik_.solver().report(); }
 
-  /// The law for `levels`: after it `joint_velocity` answers every new measurement without solving.
-  Status solve_law(std::span<const Level<Scalar, R::size>> levels) noexcept {
-    const Index l = joint_velocity_.size();
-    law_.reset();
-    Status status = Status::ok;
-    for (std::size_t k = 0; k < levels.size() && status == Status::ok; ++k) {
-      const auto& level = levels[k];
-      const Index rows = level.jacobian.rows();
-      if (rows > split_.rows()) return Status::wrong_size;
-      for (Index i = 0; i < rows; ++i) {
-        for (Index j = 0; j < l; ++j) {
-          const Index c = columns_[static_cast<std::size_t>(j)];
-          split_(i, j) = tpik_.is_given(c) ? Scalar(0) : level.jacobian(i, c);
-        }
-        for (Index j = 0; j < 6; ++j) {
-          split_(i, l + j) = j < base_.count ? level.jacobian(i, base_.first + j) : Scalar(0);
-        }
-      }
-      status = law_.add_level(split_.topRows(rows), level.activation, level.reference);
-    }
-    const Status closing = law_.minimize_velocity();
-    return status == Status::ok ? closing : status;
+  /// The law for `levels` and the velocity `measured`, n, of which the given joints count: until
+  /// the next law they move like that. After it `follow_law` answers every new measurement of the
+  /// base without solving. A velocity that is needed and not finite: a law of zero velocity.
+  Status solve_law(std::span<const Level<Scalar, R::size>> levels,
+                   const Velocity& measured) noexcept {
+    const Status status = take(measured);
+    return status == Status::ok ? run_law(levels) : status;
   }
   /// q̇ = ρ̃ + P v of the last `solve_law`, for the base's velocity `measured`; scaled as a whole
   /// into the velocity bounds. Zero where `measured` is not finite or of the wrong size.
@@ -134,6 +119,37 @@ class BaseCompensation {
  private:
   using Law = ParametricTpik<Scalar, Eigen::Dynamic, 6, Regularization>;
 
+  Status take(const Velocity& measured) noexcept {
+    if (measured.size() != tpik_.measured().size()) return Status::wrong_size;
+    for (Index c = 0; c < measured.size(); ++c) tpik_.measured()(c) = measured(c);
+    return Status::ok;
+  }
+  Status run_law(std::span<const Level<Scalar, R::size>> levels) noexcept {
+    const Index l = joint_velocity_.size();
+    law_.reset();
+    Status status = Status::ok;
+    for (std::size_t k = 0; k < levels.size() && status == Status::ok; ++k) {
+      const auto& level = levels[k];
+      const Index rows = level.jacobian.rows();
+      if (rows > split_.rows()) return Status::wrong_size;
+      for (Index i = 0; i < rows; ++i) {
+        // What a given joint does is known: it moves from the Jacobian to the reference.
+        reference_(i) = level.reference(i);
+        for (Index j = 0; j < l; ++j) {
+          const Index c = columns_[static_cast<std::size_t>(j)];
+          const bool given = tpik_.is_given(c);
+          split_(i, j) = given ? Scalar(0) : level.jacobian(i, c);
+          if (given) reference_(i) -= level.jacobian(i, c) * tpik_.measured()(c);
+        }
+        for (Index j = 0; j < 6; ++j) {
+          split_(i, l + j) = j < base_.count ? level.jacobian(i, base_.first + j) : Scalar(0);
+        }
+      }
+      status = law_.add_level(split_.topRows(rows), level.activation, reference_.head(rows));
+    }
+    const Status closing = law_.minimize_velocity();
+    return status == Status::ok ? closing : status;
+  }
   static Index joints(const R& robot) {
     const Index n = robot.dof() - robot.base_columns().count;
     if (n < 1) detail::invalid("BaseCompensation: the robot has no joints");
@@ -148,7 +164,7 @@ class BaseCompensation {
   std::vector<Index> columns_;  // those that are not the base's
   Law law_;
   VelocityBounds<Scalar, Eigen::Dynamic> bounds_;
-  JointVelocity joint_velocity_, wanted_;
+  JointVelocity joint_velocity_, wanted_, reference_;
   Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> split_;
 };
 

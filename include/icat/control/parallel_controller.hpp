@@ -11,9 +11,11 @@
 
 namespace icat {
 
-/// See the file comment. As `Controller` in everything else; a measured velocity of the base is an
-/// argument of every step. Each layer, the base's and the joints', has its own period, limits, and
-/// judgement of late and bad input.
+/// See the file comment. As `Controller` in everything else; a measured velocity is an argument of
+/// every step: that of the base, one number for each of its columns, on the base; or ẏ, n, of which
+/// the base's and the given columns count. Where it is that of the base, given joints stand still.
+/// Each layer, the base's and the joints', has its own period, limits, and judgement of late and
+/// bad input.
 template <MobileRobot R, class Regularization = BellRegularization<typename R::Scalar>>
 class ParallelController {
  public:
@@ -114,16 +116,22 @@ class ParallelController {
     const Status status = prepare(first_.update(time), measured, age);
     return status == Status::not_started ? status : run_joints(status);
   }
-  /// The law of TPIK 2 for the present state, to be followed by `follow_joint_law`.
+  /// The law of TPIK 2 for the present state, to be followed by `follow_joint_law`; given joints
+  /// stand still.
   Status step_joint_law(double time) noexcept {
-    Status status = first_.update(time);
-    if (status != Status::ok) return status;
-    status = second_.solve_law(first_.levels());
-    if (status == Status::ok) law_time_ = first_.clock().elapsed();
-    return status;
+    for (Index c = 0; c < measured_.size(); ++c) {
+      if (!second_.in_base(c)) measured_(c) = Scalar(0);
+    }
+    return solve_law(first_.update(time));
   }
-  /// New velocities of the joints by the law, without solving: q̇ = ρ̃ + P v for a newer measurement.
-  /// The law is as old as its state.
+  /// The same with given joints that move, until the next law, as in `measured`.
+  template <class V>
+  Status step_joint_law(double time, const Eigen::MatrixBase<V>& measured,
+                        InputAge age = {}) noexcept {
+    return solve_law(prepare(first_.update(time), measured, age));
+  }
+  /// New velocities of the joints by the law, without solving: q̇ = ρ̃ + P v for a newer measurement
+  /// of the base. The law is as old as its state.
   template <class V>
   Status follow_joint_law(double time, const Eigen::MatrixBase<V>& measured,
                           InputAge age = {}) noexcept {
@@ -194,6 +202,12 @@ class ParallelController {
   }
   void finish(Layer& layer, Status status, Cycle now) noexcept {
     layer.ramp.update(status, now, limits_.command());
+  }
+  Status solve_law(Status status) noexcept {
+    if (status != Status::ok) return status;
+    status = second_.solve_law(first_.levels(), measured_);
+    if (status == Status::ok) law_time_ = first_.clock().elapsed();
+    return status;
   }
   Status run_base(Status status) noexcept {
     const Cycle now = first_.clock().since(base_.last);

@@ -178,12 +178,17 @@ class Agent {
   }
 
   /// The law of the compensation on the second hierarchy [Coop, IV-D], for a joint loop faster than
-  /// `step`, to be followed by `follow_joint_law`.
+  /// `step`, to be followed by `follow_joint_law`. Given joints stand still.
   Status step_joint_law(double time) noexcept requires MobileRobot<R> {
+    detail::fill(allowed_, Scalar(0));
+    return step_joint_law(time, allowed_);
+  }
+  /// The same with given joints that move, until the next law, as in `measured`, n.
+  Status step_joint_law(double time, const Velocity& measured) noexcept requires MobileRobot<R> {
     if (!compensation_) return Status::not_started;
     Status status = second_.update(time);
     if (status != Status::ok) return status;
-    status = compensation_->solve_law(second_.levels());
+    status = compensation_->solve_law(second_.levels(), measured);
     if (status == Status::ok) law_time_ = second_.clock().elapsed();
     return status;
   }
