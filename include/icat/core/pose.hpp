@@ -20,11 +20,11 @@ struct IdentityPose {
   /// As a pose.
   template <class Scalar>
   operator Pose<Scalar>() const {  // NOLINT: converts on purpose
-    Pose<Scalar> pose;
+    Eigen::Matrix<Scalar, 4, 4> T;
     for (Index j = 0; j < 4; ++j) {
-      for (Index i = 0; i < 4; ++i) pose.matrix()(i, j) = i == j ? Scalar(1) : Scalar(0);
+      for (Index i = 0; i < 4; ++i) T(i, j) = i == j ? Scalar(1) : Scalar(0);
     }
-    return pose;
+    return Pose<Scalar>(T);  // a pose that is born without its numbers has its last row written
   }
 };
 

@@ -104,15 +104,14 @@ inline Vector3<Scalar> origin(const Pose<Scalar>& pose) noexcept {
 template <class Scalar>
 inline Pose<Scalar> make_pose(const Matrix3<Scalar>& rotation,
                               const Vector3<Scalar>& origin) noexcept {
-  Pose<Scalar> pose;
-  auto& T = pose.matrix();
+  Eigen::Matrix<Scalar, 4, 4> T;  // costs a compiler less than a pose without numbers
   for (Index i = 0; i < 3; ++i) {
     for (Index j = 0; j < 3; ++j) T(i, j) = rotation(i, j);
     T(i, 3) = origin(i);
     T(3, i) = Scalar(0);
   }
   T(3, 3) = Scalar(1);
-  return pose;
+  return Pose<Scalar>(T);
 }
 /// R = I, o = 0.
 template <class Scalar>
