@@ -2,6 +2,7 @@
 // A table of numbers in a file.
 #pragma once
 
+#include <concepts>
 #include <filesystem>
 #include <fstream>
 #include <initializer_list>
@@ -13,20 +14,31 @@ namespace support {
 class Csv {
  public:
   /// `folder` is created if need be; `header` names the columns.
-  Csv(const std::filesystem::path& folder, const char* name, const char* header) {
+  Csv(const std::filesystem::path& folder, const std::string& name, const std::string& header) {
     std::filesystem::create_directories(folder);
     out_.open(folder / name);
     out_.precision(9);
     out_ << header << '\n';
   }
-  void row(std::initializer_list<double> values) {
+  /// Each value is a number or a range of numbers, such as a vector.
+  template <class... Values>
+  void row(const Values&... values) {
     const char* comma = "";
-    for (const double value : values) {
+    const auto put = [&](double value) {
       out_ << comma << value;
       comma = ",";
-    }
+    };
+    const auto put_all = [&](const auto& value) {
+      if constexpr (requires { double(value); }) {
+        put(double(value));
+      } else {
+        for (const double v : value) put(v);
+      }
+    };
+    (put_all(values), ...);
     out_ << '\n';
   }
+  void row(std::initializer_list<double> values) { row<std::initializer_list<double>>(values); }
 
  private:
   std::ofstream out_;
