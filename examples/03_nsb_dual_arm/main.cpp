@@ -3,7 +3,6 @@
 // writes CSV and, where gnuplot is found, pictures.
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <string>
 
 #include "../support/command_line.hpp"
@@ -38,12 +37,9 @@ void write_csv(const std::string& folder, const std::string& name, const nsb::Re
 constexpr std::array<double, 4> snapshots{0, 4, 125, 250};  // s
 
 // Five blocks for each snapshot: hull, arm 1, arm 2, pointing direction, reference; then the line.
-void write_snapshots(const fs::path& file, const nsb::Scenario& scenario, const nsb::Result& r) {
-  std::ofstream out(file);
-  const auto block = [&](const std::vector<nsb::Vector3>& points) {
-    for (const auto& p : points) out << p.x() << ',' << p.y() << '\n';
-    out << "\n\n";
-  };
+void write_snapshots(const std::string& folder, const nsb::Scenario& scenario,
+                     const nsb::Result& r) {
+  support::Strokes strokes(folder, "snapshots.csv");
   nsb::Robot robot = scenario.robot();
   const auto at = [&](const std::vector<const char*>& frames) {
     std::vector<nsb::Vector3> points;
@@ -52,21 +48,22 @@ void write_snapshots(const fs::path& file, const nsb::Scenario& scenario, const 
   };
   const double x = scenario.dimensions.length / 2, y = scenario.dimensions.height / 2;
   for (const double t : snapshots) {
-    const auto s = std::find_if(r.samples.begin(), r.samples.end(),
-                                [&](const nsb::Sample& sample) { return sample.t >= t - 1e-9; });
-    if (robot.update(s->q, s->vehicle) != icat::Status::ok) return;
+    const auto& s = support::sample_at(r.samples, t);
+    if (robot.update(s.q, s.vehicle) != icat::Status::ok) return;
     std::vector<nsb::Vector3> hull{{x, y, 0}, {-x, y, 0}, {-x, -y, 0}, {x, -y, 0}, {x, y, 0}};
-    for (auto& corner : hull) corner = s->vehicle * corner;
-    block(hull);
+    for (auto& corner : hull) corner = s.vehicle * corner;
+    strokes.add(hull);
     const auto arm1 = at({"arm1", "arm1_link1", "arm1_link2", "arm1_link3"});
     const auto arm2 = at({"arm2", "arm2_link1", "arm2_link2"});
-    block(arm1);
-    block(arm2);
+    strokes.add(arm1);
+    strokes.add(arm2);
     const double range = (arm1.back() - arm2.back()).norm();
-    block({arm2.back(), robot.pose(robot.frame("arm2_link2")) * nsb::Vector3(1.15 * range, 0, 0)});
-    block({s->reference.translation()});
+    strokes.add(
+        {arm2.back(), robot.pose(robot.frame("arm2_link2")) * nsb::Vector3(1.15 * range, 0, 0)});
+    strokes.add({s.reference.translation()});
   }
-  block({r.samples.front().reference.translation(), r.samples.back().reference.translation()});
+  strokes.add(
+      {r.samples.front().reference.translation(), r.samples.back().reference.translation()});
 }
 
 bool draw(const fs::path& folder) {
@@ -155,7 +152,7 @@ int main(int argc, char** argv) {
       for (const double error : run.result.last_error) all_well &= error < nsb::tolerance;
     }
   }
-  write_snapshots(fs::path(arguments.output) / "snapshots.csv", line, runs[0].result);
+  write_snapshots(arguments.output, line, runs[0].result);
   const bool drawn = arguments.pictures && draw(arguments.output);
   std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
   return all_well ? 0 : 1;

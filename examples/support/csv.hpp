@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A table of numbers in a file.
+// What an example writes for gnuplot: tables of numbers, strokes of a drawing.
 #pragma once
 
-#include <concepts>
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <icat/core/types.hpp>
 #include <initializer_list>
 #include <string>
 
@@ -43,5 +44,30 @@ class Csv {
  private:
   std::ofstream out_;
 };
+
+/// Blocks of points for gnuplot's `index`.
+class Strokes {
+ public:
+  Strokes(const std::filesystem::path& folder, const std::string& name) {
+    std::filesystem::create_directories(folder);
+    out_.open(folder / name);
+  }
+  /// The next block; `points` is a range of vectors.
+  template <class Points = std::initializer_list<icat::Vector3<double>>>
+  void add(const Points& points) {
+    for (const auto& p : points) out_ << p.x() << ',' << p.y() << ',' << p.z() << '\n';
+    out_ << "\n\n";
+  }
+
+ private:
+  std::ofstream out_;
+};
+
+/// The first of `samples` at time `t` or later.
+template <class Samples>
+const auto& sample_at(const Samples& samples, double t) {
+  return *std::find_if(samples.begin(), samples.end() - 1,
+                       [&](const auto& sample) { return sample.t >= t - 1e-9; });
+}
 
 }  // namespace support
