@@ -3,83 +3,95 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/QR>
-#include <icat/math/numerical_differentiation.hpp>
 #include <random>
 
 #include "../examples/03_nsb_dual_arm/mission.hpp"
 #include "support/sanitized.hpp"
+#include "support/trees.hpp"
 
 namespace {
 
 using namespace nsb;
 using icat::Status;
+using testing_support::TreeState;
+using Vector2 = icat::Vector<double, 2>;
 
-std::vector<State> random_states(int count) {
+std::vector<TreeState> random_states(int count) {
   std::mt19937 rng(7);
   std::uniform_real_distribution<double> u(-3, 3);
-  std::vector<State> states;
+  std::vector<TreeState> states;
   while (static_cast<int>(states.size()) < count) {
-    State s;
-    for (auto* v : {&s.vehicle, &s.q1}) *v << u(rng), u(rng), u(rng);
-    s.q2 << u(rng), u(rng);
+    TreeState s{"random", Joints::Zero(), support::pose({u(rng), u(rng), 0}, 0, 0, u(rng))};
+    for (double& q : s.q) q = u(rng);
     states.push_back(s);
   }
   return states;
 }
 
-/// The Jacobian of `task` over ẏ, by central differences.
-template <class Task>
-auto numerical(const State& s, Task task) {
-  return icat::central_difference(
-      [&](const Velocity& y) { return Eigen::VectorXd(task(moved(s, y, 1)).value); },
-      Velocity(Velocity::Zero()));
+double angle(const Pose& pose) { return std::atan2(pose(1, 0), pose(0, 0)); }
+
+/// Goals at rest far away.
+Tasks tasks_of(const Robot& robot) {
+  return {robot, {{9, 8, 0}, {9, 9, 0}, 1}, icat::Objective<double>::equal_to(1)};
 }
+const double at_rest = 1e9;
 
 TEST(NsbDualArm, JacobiansAreRight) {
-  const Dimensions d;
-  for (const State& s : random_states(200)) {
-    const auto check = [&](const char* name, auto task) {
-      EXPECT_LT((task(s).jacobian - numerical(s, task)).cwiseAbs().maxCoeff(), 1e-8) << name;
+  Robot robot = make_robot({});
+  Tasks k = tasks_of(robot);
+  ASSERT_EQ(k.follow(at_rest), Status::ok);
+  for (const TreeState& s : random_states(200)) {
+    // A part of σ_d − σ by central differences.
+    const auto check = [&](icat::Task<Robot>& task, int first, int rows) {
+      const Eigen::MatrixXd numerical = testing_support::differentiate(robot, s, [&](const Robot&) {
+        task.update();
+        return Eigen::VectorXd(-errors(k, at_rest).segment(first, rows));
+      });
+      task.update();
+      EXPECT_LT((task.jacobian() - numerical).cwiseAbs().maxCoeff(), 1e-8) << task.name();
     };
-    check("tool pose", [&](const State& x) { return tool_pose(d, x); });
-    check("vehicle orientation", [&](const State& x) { return vehicle_orientation(x); });
-    check("vertical distance", [&](const State& x) { return vertical_distance(d, x); });
-    check("first joint", [&](const State& x) { return first_joint(x); });
+    check(k.tool, 0, 3);
+    check(k.level, 3, 1);
+    check(k.distance, 4, 1);
+    check(k.joint, 6, 1);
     // Away from its singularity and from end effectors that touch.
-    const FieldOfView view = field_of_view(d, s);
-    const double range = (arm1_points(d, s.q1).col(3) - arm2_points(d, s.q2).col(2)).norm();
-    if (view.value(0) > 0.01 && range > 0.1) {
-      check("field of view", [&](const State& x) -> TaskValue<1> { return field_of_view(d, x); });
-    }
+    k.view.update();
+    const Vector3 p_e = robot.pose(robot.frame("arm1_link3")).translation() -
+                        robot.pose(robot.frame("arm2_link2")).translation();
+    if (k.view.value() > 0.01 && p_e.norm() > 0.1) check(k.view, 5, 1);
   }
 }
 
 // Eq. (2): both end effectors where Fig. 1 has them.
 TEST(NsbDualArm, KinematicsOfTheFigure) {
-  const Dimensions d;
-  State s;
-  s.vehicle << 1, 2, 90 * degree;
-  s.q1 << 90 * degree, -90 * degree, 0;
-  s.q2 << 0, 90 * degree;
+  Robot robot = make_robot({});
+  const Pose vehicle = support::pose({1, 2, 0}, 0, 0, 90 * degree);
+  ASSERT_EQ(robot.update(Joints(Joints(0, 90, 90, -90, 0) * degree), vehicle), Status::ok);
+  const auto at = [&](const char* frame) { return robot.pose(robot.frame(frame)); };
+  const Pose tool = at("arm1_link3");
   // In ⟨b⟩: up by a link, then two to the right; one to the right, then up.
-  EXPECT_LT((arm1_points(d, s.q1).col(3) - Vector2(-0.6 + 0.8, 0.25 + 0.4)).norm(), 1e-12);
-  EXPECT_LT((arm2_points(d, s.q2).col(2) - Vector2(0.6 + 0.5, 0.25 + 0.4)).norm(), 1e-12);
-  EXPECT_LT((tool_pose(d, s).value - Vector3(1 - 0.65, 2 + 0.2, 90 * degree)).norm(), 1e-12);
-  EXPECT_NEAR(vertical_distance(d, s).value(0), 0.2, 1e-12);
+  const Vector3 arm1 = vehicle.inverse() * tool.translation(),
+                arm2 = vehicle.inverse() * at("arm2_link2").translation();
+  EXPECT_LT((arm1 - Vector3(-0.6 + 0.8, 0.25 + 0.4, 0)).norm(), 1e-12);
+  EXPECT_LT((arm2 - Vector3(0.6 + 0.5, 0.25 + 0.4, 0)).norm(), 1e-12);
+  EXPECT_LT((tool.translation() - Vector3(1 - 0.65, 2 + 0.2, 0)).norm(), 1e-12);
+  EXPECT_NEAR(angle(tool), 90 * degree, 1e-12);
+  Tasks k = tasks_of(robot);
+  k.distance.update();
+  EXPECT_NEAR(k.distance.values()(0), 0.2, 1e-12);
 }
 
-Eigen::Matrix3d cross(const Vector3& v) {
-  return (Eigen::Matrix3d() << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0).finished();
-}
+Eigen::Matrix3d cross(const Vector3& v) { return icat::skew(v); }
 
 // Eq. (22) as printed, in ⟨b⟩, with the Moore-Penrose inverse of the cross-product matrix.
 TEST(NsbDualArm, FieldOfViewIsTheEquation) {
-  const Dimensions d;
-  for (const State& s : random_states(100)) {
-    const double q21 = s.q2(0), q22 = s.q2(1), l21 = d.arm2(0), l22 = d.arm2(1);
-    const Vector2 ee2 = arm2_points(d, s.q2).col(2);
-    Vector3 p_e = Vector3::Zero();
-    p_e.head<2>() = arm1_points(d, s.q1).col(3) - ee2;
+  Robot robot = make_robot({});
+  Tasks k = tasks_of(robot);
+  for (const TreeState& s : random_states(100)) {
+    testing_support::place(robot, s);
+    const double q21 = s.q(0), q22 = s.q(1), l21 = 0.5, l22 = 0.4;
+    const Vector3 p_e = s.base.inverse() * robot.pose(robot.frame("arm1_link3")).translation() -
+                        s.base.inverse() * robot.pose(robot.frame("arm2_link2")).translation();
     const Vector3 a_des = p_e.normalized(), a(std::cos(q21 + q22), std::sin(q21 + q22), 0);
     Eigen::Matrix<double, 3, 2> J_p = Eigen::Matrix<double, 3, 2>::Zero(), J_o = J_p;  // Eq. (23)
     J_p << -l21 * std::sin(q21) - l22 * std::sin(q21 + q22), -l22 * std::sin(q21 + q22),
@@ -91,36 +103,36 @@ TEST(NsbDualArm, FieldOfViewIsTheEquation) {
     if (e.norm() < field_of_view_epsilon) continue;
     const Eigen::RowVector2d expected =
         e.transpose() / e.norm() * (-cross(a_des) * S_p_inverse * J_p + cross(a) * J_o);
-    const FieldOfView view = field_of_view(d, s);
-    EXPECT_NEAR(view.value(0), e.norm(), 1e-12);
-    EXPECT_LT((view.jacobian.tail<2>() - expected).norm(), 1e-9);
-    EXPECT_EQ(view.weight, 1);
+    k.view.update();
+    EXPECT_NEAR(k.view.value(), e.norm(), 1e-12);
+    EXPECT_LT((k.view.jacobian().leftCols<2>() - expected).norm(), 1e-9);
+    EXPECT_EQ(k.view.reference()(0), -k.view.value());
   }
 }
 
 // [NSB, Remark 2]: through a = a_des, exactly there too, with a lower task that pushes.
 TEST(NsbDualArm, NoJumpWhereTheFieldOfViewIsSingular) {
-  Dimensions d;
-  d.arm1 << 2, 1, 0.5;  // all stretched: end effector 1 straight ahead of end effector 2
+  // All stretched: end effector 1 straight ahead of end effector 2.
+  Robot robot = make_robot({.arm1 = {link(2), link(1), link(0.5)}});
+  Tasks k = tasks_of(robot);
   const double step = field_of_view_epsilon / 100;
   icat::NullSpaceGuidance<double, 2> solver;
   Eigen::RowVector2d last_J;
   Vector2 last_velocity;
   bool exact = false, inside = false, left = false, right = false;
   for (int i = -300; i <= 300; ++i) {
-    State s;
-    s.q2(1) = i * step;
-    const FieldOfView view = field_of_view(d, s);
-    const Eigen::RowVector2d J = view.jacobian.tail<2>();
+    ASSERT_EQ(robot.update(Joints(0, i * step, 0, 0, 0)), Status::ok);
+    k.view.update();
+    const double sigma = k.view.value();
+    const Eigen::RowVector2d J = k.view.jacobian().leftCols<2>();
     solver.reset();
-    ASSERT_EQ(solver.add_task(J, icat::Vector<double, 1>(-view.weight * view.value(0))),
-              Status::ok);
-    ASSERT_EQ(solver.add_task(first_joint(s).jacobian.tail<2>(), icat::Vector<double, 1>(1.0)),
+    ASSERT_EQ(solver.add_task(J, k.view.reference()), Status::ok);
+    ASSERT_EQ(solver.add_task(k.joint.jacobian().leftCols<2>(), icat::Vector<double, 1>(1.0)),
               Status::ok);
     const Vector2 velocity = solver.velocity();
     ASSERT_TRUE(J.allFinite() && velocity.allFinite());
-    exact |= view.value(0) == 0;
-    inside |= view.value(0) > 0 && view.value(0) < field_of_view_epsilon;
+    exact |= sigma == 0;
+    inside |= sigma > 0 && sigma < field_of_view_epsilon;
     left |= J(1) < -0.5;
     right |= J(1) > 0.5;
     if (i > -300) {
@@ -131,7 +143,9 @@ TEST(NsbDualArm, NoJumpWhereTheFieldOfViewIsSingular) {
     last_velocity = velocity;
   }
   EXPECT_TRUE(exact && inside && left && right);
-  EXPECT_LT(field_of_view(d, State{}).jacobian.norm(), 1e-8);
+  ASSERT_EQ(robot.update(Joints(Joints::Zero())), Status::ok);
+  k.view.update();
+  EXPECT_LT(k.view.jacobian().norm(), 1e-8);
 }
 
 Scenario shortened(Scenario s) {
@@ -148,7 +162,7 @@ TEST(NsbDualArm, AllErrorsConvergeInTheOrderOfPriority) {
   const Scenario scenario;
   const Result r = run_nsb(shortened(scenario));
   expect_within_bounds(r);
-  EXPECT_EQ(r.peak(2), 3 * degree);  // the bound on r is reached
+  EXPECT_EQ(r.peak(7), 3 * degree);  // the bound on r is reached
   for (std::size_t k = 0; k < 5; ++k) {
     EXPECT_GT(r.samples.front().task_error[k], 100 * tolerance) << k;
     EXPECT_LT(r.converged[k], 10) << k;  // and stays: that is what `converged` means
@@ -159,39 +173,54 @@ TEST(NsbDualArm, AllErrorsConvergeInTheOrderOfPriority) {
   EXPECT_LE(r.converged[1], r.converged[2]);
   EXPECT_LE(r.converged[3], r.converged[4]);
   // The scenario of the paper: a straight line at constant speed, its normal, the distance.
-  const Line line = scenario.line();
+  Robot robot = scenario.robot();
+  const Line line = scenario.tasks(robot).line;
   for (const auto& s : r.samples) {
-    if (s.t < 10 || s.t > shortened(scenario).line().duration()) continue;
-    const Vector3 tool = tool_pose(scenario.dimensions, s.state).value;
-    EXPECT_LT((tool.head<2>() - line.start - scenario.speed * s.t * line.direction()).norm(), 1e-3);
-    EXPECT_NEAR(tool.z(), scenario.slope + 90 * degree, 1e-3);
-    EXPECT_NEAR(vertical_distance(scenario.dimensions, s.state).value(0),
-                0.5 / 2 + 2.0 / 3 * (0.4 + 0.4 + 0.4), 1e-3);
+    if (s.t < 10 || s.t > shortened(scenario).length / scenario.speed) continue;
+    ASSERT_EQ(robot.update(s.q, s.vehicle), Status::ok);
+    const Pose tool = robot.pose(robot.frame("arm1_link3"));
+    EXPECT_LT((tool.translation() - line.start - scenario.speed * s.t * line.direction()).norm(),
+              1e-3);
+    EXPECT_NEAR(angle(tool), scenario.slope + 90 * degree, 1e-3);
+    EXPECT_NEAR(tool(1, 3) - s.vehicle(1, 3), 0.5 / 2 + 2.0 / 3 * (0.4 + 0.4 + 0.4), 1e-3);
   }
 }
 
-// Eq. (35).
+// Eq. (35), and what errors are.
 TEST(NsbDualArm, Gains) {
   const Scenario scenario;
-  const Tasks k(scenario.dimensions, scenario.start, scenario.line(), scenario.vertical(), 1e9);
-  icat::Vector<double, 7> gains;
+  Robot robot = scenario.robot();
+  Tasks k = scenario.tasks(robot);
+  ASSERT_EQ(k.follow(at_rest), Status::ok);
+  for (icat::Task<Robot>* task : std::initializer_list<icat::Task<Robot>*>{
+           &k.tool, &k.level, &k.distance, &k.view, &k.joint}) {
+    task->update();
+  }
+  const Pose tool = robot.pose(robot.frame("arm1_link3")), goal = k.line.pose(at_rest);
+  icat::Vector<double, 7> gains, error, rate;
   gains << 1, 1, 1, 3, 2, 1, 3;
-  EXPECT_LT((k.rate - gains.cwiseProduct(k.error)).norm(), 1e-12);
+  error << goal(0, 3) - tool(0, 3), goal(1, 3) - tool(1, 3), angle(goal) - angle(tool),
+      -scenario.tilt, 0.5 / 2 + 2.0 / 3 * (0.4 + 0.4 + 0.4) - tool(1, 3), -k.view.value(),
+      90 * degree - scenario.q(0);
+  rate << k.tool.reference(), k.level.reference(), k.distance.reference(), k.view.reference(),
+      k.joint.reference();
+  EXPECT_LT((errors(k, at_rest) - error).norm(), 1e-12);
+  EXPECT_LT((rate - gains.cwiseProduct(error)).norm(), 1e-12);
 }
 
 TEST(NsbDualArm, TheFollowerNeverMovesTheVehicle) {
   Scenario scenario = shortened({});
   scenario.length /= 10;
   const Result r = run_nsb(scenario);
-  scenario.start.q2 << -2, 1;
-  scenario.dimensions.arm2 << 0.3, 0.9;
+  scenario.q.head<2>() << -2, 1;
+  scenario.dimensions.arm2 = {link(0.3), link(0.9)};
   const Result other = run_nsb(scenario);
   ASSERT_EQ(r.samples.size(), other.samples.size());
-  EXPECT_GT((r.samples[500].state.q2 - other.samples[500].state.q2).norm(), 0.1);
+  EXPECT_GT((r.samples[500].q - other.samples[500].q).head<2>().norm(), 0.1);
   for (std::size_t i = 0; i < r.samples.size(); ++i) {
-    ASSERT_EQ(r.samples[i].state.vehicle, other.samples[i].state.vehicle);
-    ASSERT_EQ(r.samples[i].state.q1, other.samples[i].state.q1);
-    ASSERT_EQ(r.samples[i].velocity.head<6>(), other.samples[i].velocity.head<6>());
+    ASSERT_EQ(r.samples[i].vehicle.matrix(), other.samples[i].vehicle.matrix());
+    ASSERT_EQ(r.samples[i].q.tail<3>(), other.samples[i].q.tail<3>());
+    ASSERT_EQ(r.samples[i].velocity.tail<6>(), other.samples[i].velocity.tail<6>());
   }
 }
 

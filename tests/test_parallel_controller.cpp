@@ -276,12 +276,13 @@ TEST_F(ParallelTest, AGivenJointMovesAsMeasuredInBothAndInTheLaw) {
                       {.given = icat::joint_columns(robot, {"joint3"}), .limits = icat::unlimited});
   ASSERT_EQ(controller.start("reach", 0), Status::ok);
   const icat::Columns base_and_joint({2, 7, 8, 9, 10, 11, 12});
+  double t = 0;
   for (const double speed : {0.15, -0.3, 0.0}) {
     SCOPED_TRACE(speed);
     Vector13d all = spread(robot, measured);
     all(2) = speed;
     all(0) = NAN;  // of columns that are chosen nothing is needed
-    ASSERT_EQ(controller.step(0, all), Status::ok);
+    ASSERT_EQ(controller.step(t += 0.01, all), Status::ok);
     all(0) = 0;
     EXPECT_EQ(controller.velocity()(2), speed);
     EXPECT_EQ(controller.command()(2), 0);
@@ -295,22 +296,22 @@ TEST_F(ParallelTest, AGivenJointMovesAsMeasuredInBothAndInTheLaw) {
     actual.head<7>() = controller.velocity().head<7>();
     EXPECT_LT((reach.tool.jacobian() * actual - reach.tool.reference()).norm(), 1e-9);
 
-    ASSERT_EQ(controller.step_joint_law(0, all), Status::ok);
+    ASSERT_EQ(controller.step_joint_law(t, all), Status::ok);
     const Vector7d solved = controller.velocity().head<7>();
-    ASSERT_EQ(controller.follow_joint_law(0, all), Status::ok);
+    ASSERT_EQ(controller.follow_joint_law(t, all), Status::ok);
     EXPECT_EQ(controller.command()(2), 0);
     EXPECT_LT((controller.velocity().head<7>() - solved).norm(), 1e-9);
   }
   // Another measurement of the base alone: the joint stands still again.
-  ASSERT_EQ(controller.step(0, measured), Status::ok);
+  ASSERT_EQ(controller.step(t += 0.01, measured), Status::ok);
   EXPECT_EQ(controller.velocity()(2), 0);
   // NaN where it is needed.
   Vector13d bad = spread(robot, measured);
   bad(2) = NAN;
-  EXPECT_EQ(controller.step(0, bad), Status::non_finite);
+  EXPECT_EQ(controller.step(t += 0.01, bad), Status::non_finite);
   EXPECT_TRUE(controller.velocity().allFinite());
-  EXPECT_EQ(controller.step_joint_law(0, bad), Status::non_finite);
-  EXPECT_EQ(controller.step_joint_law(0, Eigen::VectorXd::Zero(12)), Status::wrong_size);
+  EXPECT_EQ(controller.step_joint_law(t, bad), Status::non_finite);
+  EXPECT_EQ(controller.step_joint_law(t, Eigen::VectorXd::Zero(12)), Status::wrong_size);
 }
 
 TEST_F(ParallelTest, BoundsHoldInBothAndInTheLaw) {
@@ -350,7 +351,8 @@ TEST_F(ParallelTest, BoundsHoldInBothAndInTheLaw) {
 }
 
 TEST_F(ParallelTest, BadInputLeavesASafeVelocity) {
-  Parallel controller(robot, reach.actions(), {.given = icat::ColumnRange{10, 2}});
+  Parallel controller(robot, reach.actions(),
+                      {.given = icat::ColumnRange{10, 2}, .limits = icat::unlimited});
   EXPECT_EQ(controller.step(0, measured), Status::not_started);
   EXPECT_EQ(controller.step_base(0, measured), Status::not_started);
   EXPECT_EQ(controller.step_joints(0, measured), Status::not_started);

@@ -3,10 +3,9 @@
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
-#include <iostream>
 
 #include "../support/command_line.hpp"
+#include "../support/csv.hpp"
 #include "../support/support.hpp"
 #include "mission.hpp"
 
@@ -33,72 +32,35 @@ std::string column_name(std::string name) {
   return name;
 }
 
-void write_csv(const fs::path& file, const grasp::Result& r) {
-  std::ofstream out(file);
-  out.precision(9);
-  out << "t";
-  for (int i = 1; i <= 7; ++i) out << ",q" << i;
-  for (int i = 1; i <= 7; ++i) out << ",qdot" << i;
-  for (const char* c : {"surge", "sway", "heave", "roll_rate", "pitch_rate", "yaw_rate"}) {
-    out << ",command_" << c << ",actual_" << c;
-  }
-  out << ",vehicle_x,vehicle_y,vehicle_z,tool_x,tool_y,tool_z,position_error,orientation_error,"
-         "joint_margin,manipulability,centering,attitude,distance,vehicle_position,"
-         "vehicle_orientation";
-  for (const auto& task : r.tasks) out << ",a_" << column_name(task);
-  out << '\n';
+void write_csv(const fs::path& folder, const grasp::Result& r) {
+  std::string header =
+      "t,q1,q2,q3,q4,q5,q6,q7,qdot1,qdot2,qdot3,qdot4,qdot5,qdot6,qdot7,"
+      "command_surge,command_sway,command_heave,command_roll_rate,command_pitch_rate,"
+      "command_yaw_rate,actual_surge,actual_sway,actual_heave,actual_roll_rate,actual_pitch_rate,"
+      "actual_yaw_rate,vehicle_x,vehicle_y,vehicle_z,tool_x,tool_y,tool_z,position_error,"
+      "orientation_error,joint_margin,manipulability,centering,attitude,distance,"
+      "vehicle_position,vehicle_orientation";
+  for (const auto& task : r.tasks) header += ",a_" + column_name(task);
+  support::Csv csv(folder, "mission.csv", header);
   for (const auto& s : r.samples) {
-    out << s.t;
-    for (int i = 0; i < 7; ++i) out << ',' << s.q(i);
-    for (int i = 0; i < 7; ++i) out << ',' << s.command(i);
-    for (int i = 0; i < 6; ++i) out << ',' << s.command(7 + i) << ',' << s.vehicle_velocity(i);
-    for (int i = 0; i < 3; ++i) out << ',' << s.vehicle.translation()(i);
-    for (int i = 0; i < 3; ++i) out << ',' << s.tool.translation()(i);
-    out << ',' << s.position_error << ',' << s.orientation_error << ',' << s.joint_margin << ','
-        << s.manipulability << ',' << s.centering << ',' << s.attitude << ',' << s.distance << ','
-        << s.vehicle_position << ',' << s.vehicle_orientation;
-    for (const double a : s.activations) out << ',' << a;
-    out << '\n';
+    csv.row(s.t, s.q, s.command, s.vehicle_velocity, s.vehicle.translation(), s.tool.translation(),
+            s.position_error, s.orientation_error, s.joint_margin, s.manipulability, s.centering,
+            s.attitude, s.distance, s.vehicle_position, s.vehicle_orientation, s.activations);
   }
 }
 
-// Snapshots for the 3-D view: blocks of points, hull and arm in turn.
-void write_scene(const fs::path& file, const grasp::Result& r) {
-  std::ofstream out(file);
-  const auto point = [&](const grasp::Vector3& p) {
-    out << p.x() << ',' << p.y() << ',' << p.z() << '\n';
-  };
+// Snapshots for the 3-D view: hull and arm in turn.
+void write_scene(const fs::path& folder, const grasp::Result& r) {
+  support::Strokes strokes(folder, "scene.csv");
   std::vector<double> times;
   for (const auto& phase : r.phases) times.push_back(phase.second);
   times.push_back(r.samples.back().t);
   times.insert(times.begin() + 1, times[1] / 3);
   times.insert(times.begin() + 2, times[2] / 3 * 2);
   for (const double t : times) {
-    const auto s = std::find_if(r.samples.begin(), r.samples.end(),
-                                [&](const auto& sample) { return sample.t >= t - 1e-9; });
-    // The hull, a box of 1.0 × 0.6 × 0.73 m, drawn in one stroke, then the arm.
-    const double x = 0.5, y = 0.3, top = -0.3, bottom = 0.43;
-    for (const auto& p : std::vector<grasp::Vector3>{{x, y, top},
-                                                     {-x, y, top},
-                                                     {-x, -y, top},
-                                                     {x, -y, top},
-                                                     {x, y, top},
-                                                     {x, y, bottom},
-                                                     {-x, y, bottom},
-                                                     {-x, y, top},
-                                                     {-x, y, bottom},
-                                                     {-x, -y, bottom},
-                                                     {-x, -y, top},
-                                                     {-x, -y, bottom},
-                                                     {x, -y, bottom},
-                                                     {x, -y, top},
-                                                     {x, -y, bottom},
-                                                     {x, y, bottom}}) {
-      point(s->vehicle * p);
-    }
-    out << "\n\n";
-    for (int j = 0; j < s->arm.cols(); ++j) point(s->arm.col(j));
-    out << "\n\n";
+    const auto& s = support::sample_at(r.samples, t);
+    strokes.add(support::hull_points(s.vehicle));
+    strokes.add(s.arm);
   }
 }
 
@@ -156,9 +118,8 @@ int main(int argc, char** argv) {
     all_well = all_well && r.status == icat::Status::ok && r.violations.empty() && r.lifted &&
                (r.grasped || !must_grasp);
     const fs::path folder = fs::path(arguments.output) / v.name;
-    fs::create_directories(folder);
-    write_csv(folder / "mission.csv", r);
-    write_scene(folder / "scene.csv", r);
+    write_csv(folder, r);
+    write_scene(folder, r);
     if (drawn) drawn = draw(folder, v.title, r);
   }
   if (with > 0 && without > 0) {

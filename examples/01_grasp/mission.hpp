@@ -5,6 +5,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <icat/icat.hpp>
 #include <icat/sim/kinematic_plant.hpp>
@@ -13,6 +14,7 @@
 #include <vector>
 
 #include "../support/geometry.hpp"
+#include "../support/uvms.hpp"
 
 namespace grasp {
 
@@ -56,8 +58,7 @@ inline Robot make_robot() {
                      .tool = pose({0, 0, 0.1}, 0, 0, 0)});      // the gripper
 }
 
-// --- what is recorded
-// -----------------------------------------------------------------------------
+// --- what is recorded ----------------------------------------------------------------------------
 
 struct Sample {
   double t;
@@ -70,7 +71,7 @@ struct Sample {
   double joint_margin;                       ///< to the closest limit, rad
   double manipulability, centering, attitude, distance, vehicle_position, vehicle_orientation;
   std::vector<double> activations;  ///< the largest of each task's rows
-  Eigen::Matrix<double, 3, 9> arm;  ///< its points in the world, from mount to tool
+  std::array<Vector3, 9> arm;       ///< its points in the world, from mount to tool
 };
 
 struct Result {
@@ -93,11 +94,6 @@ inline constexpr double maximum_attitude = 0.2;
 inline constexpr double hover_position = 0.12, hover_orientation = 0.1;
 
 inline constexpr double fade = 2.0;  ///< s, duration of the transitions, "a couple of seconds"
-
-/// A current of up to 0.05 m/s, period 10 s, along x of the world.
-inline Vector3 sinusoidal_current(double t) {
-  return {0.05 * std::sin(2 * std::numbers::pi * t / 10), 0, 0};
-}
 
 /// Runs the mission with a period of `dt`. Every cycle ends with `observe(robot, controller, t,
 /// vehicle_velocity)`.
@@ -175,20 +171,17 @@ Result run(const Variant& variant, double dt, Observe observe) {
   //! [controller]
   icat::Columns given;
   if (variant.underactuated) given = icat::ColumnRange{10, 2};  // roll and pitch
-  icat::Vector<double, 13> limit;
-  limit << icat::Vector<double, 7>::Constant(0.5), Vector3::Constant(0.5), Vector3::Constant(0.4);
-  icat::ParallelController controller(robot, actions,
-                                      {.given = given, .solver = {.bounds = {-limit, limit}}});
+  icat::ParallelController controller(
+      robot, actions,
+      {.given = given, .solver = {.bounds = support::velocity_bounds(0.5, 0.5, 0.4)}});
   //! [controller]
 
-  icat::Vector<double, 7> q;
-  q << 0, 0.7, 0, -1.8, 0, 1.1, 0;
   icat::KinematicPlant<Robot> plant(
-      robot, {.q = q,
+      robot, {.q = support::folded_arm(),
               .base = variant.underactuated ? pose({-3, -1.2, 0.6}, 0.03, 0.02, -0.7)
                                             : pose({-3, -1.2, 0.6}, 0.25, -0.2, -0.7),
               .not_actuated = given,
-              .current = variant.current ? sinusoidal_current : nullptr});
+              .current = variant.current ? support::sinusoidal_current : nullptr});
 
   Result result;
   std::vector<icat::Task<Robot>*> watched;

@@ -4,10 +4,10 @@
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
-#include <fstream>
 #include <map>
 
 #include "../support/command_line.hpp"
+#include "../support/csv.hpp"
 #include "../support/support.hpp"
 #include "mission.hpp"
 
@@ -29,45 +29,57 @@ const std::vector<NamedVariant> variants{
      {.current = true, .compensation = true}},
     {"centralized", "still water, one solver for both", {.centralized = true}}};
 
-void write_csv(const fs::path& file, const cooperation::Result& r) {
-  std::ofstream out(file);
-  out.precision(9);
-  out << "t,phase,grasped";
-  for (const char* robot : {"a", "b"}) {
-    const std::string _ = std::string("_") + robot;
-    for (int i = 1; i <= 7; ++i) out << ",q" << i << _;
-    for (int i = 1; i <= 7; ++i) out << ",qdot" << i << _;
-    for (const char* c : {"surge", "sway", "heave", "roll_rate", "pitch_rate", "yaw_rate"}) {
-      out << ',' << c << _ << ",actual_" << c << _;
+void write_csv(const fs::path& folder, const cooperation::Result& r) {
+  std::string header = "t,phase,grasped";
+  for (const char* robot : {"_a", "_b"}) {
+    const auto add = [&](const std::string& column) { header += ',' + column + robot; };
+    for (const char* joint : {"q", "qdot"}) {
+      for (int i = 1; i <= 7; ++i) add(joint + std::to_string(i));
     }
-    for (const char* c : {"vehicle_x", "vehicle_y", "vehicle_z", "tool_x", "tool_y", "tool_z",
-                          "joint_margin", "manipulability", "attitude", "centering"}) {
-      out << ',' << c << _;
+    for (const char* column : {"surge",
+                               "sway",
+                               "heave",
+                               "roll_rate",
+                               "pitch_rate",
+                               "yaw_rate",
+                               "actual_surge",
+                               "actual_sway",
+                               "actual_heave",
+                               "actual_roll_rate",
+                               "actual_pitch_rate",
+                               "actual_yaw_rate",
+                               "vehicle_x",
+                               "vehicle_y",
+                               "vehicle_z",
+                               "tool_x",
+                               "tool_y",
+                               "tool_z",
+                               "joint_margin",
+                               "manipulability",
+                               "attitude",
+                               "centering"}) {
+      add(column);
     }
-    for (int i = 1; i <= 7; ++i) out << ",a_limit" << i << _;
-    for (const char* task : cooperation::task_names) out << ",a_" << task << _;
+    for (int i = 1; i <= 7; ++i) add("a_limit" + std::to_string(i));
+    for (const char* task : cooperation::task_names) add(std::string("a_") + task);
   }
-  out << ",object_x,object_y,object_z,position_error,orientation_error,distance,mismatch";
-  for (const char* c : {"x", "y", "z", "wx", "wy", "wz"}) out << ",agreed_" << c;
-  out << '\n';
+  header +=
+      ",object_x,object_y,object_z,position_error,orientation_error,distance,mismatch,"
+      "agreed_x,agreed_y,agreed_z,agreed_wx,agreed_wy,agreed_wz";
+  support::Csv csv(folder, "mission.csv", header);
   for (const auto& s : r.samples) {
-    out << s.t << ',' << s.phase << ',' << s.grasped;
+    std::vector<double> robots;
+    const auto add = [&](const auto& values) {
+      robots.insert(robots.end(), values.begin(), values.end());
+    };
     for (const auto& x : s.robots) {
-      for (int i = 0; i < 7; ++i) out << ',' << x.q(i);
-      for (int i = 0; i < 7; ++i) out << ',' << x.command(i);
-      for (int i = 0; i < 6; ++i) out << ',' << x.command(7 + i) << ',' << x.vehicle_velocity(i);
-      for (int i = 0; i < 3; ++i) out << ',' << x.vehicle.translation()(i);
-      for (int i = 0; i < 3; ++i) out << ',' << x.tool.translation()(i);
-      out << ',' << x.joint_margin << ',' << x.manipulability << ',' << x.attitude << ','
-          << x.centering;
-      for (const double a : x.limit_activations) out << ',' << a;
-      for (const double a : x.activations) out << ',' << a;
+      add(x.q), add(x.command), add(x.vehicle_velocity);
+      add(x.vehicle.translation()), add(x.tool.translation());
+      add(std::array{x.joint_margin, x.manipulability, x.attitude, x.centering});
+      add(x.limit_activations), add(x.activations);
     }
-    for (int i = 0; i < 3; ++i) out << ',' << s.object.translation()(i);
-    out << ',' << s.position_error << ',' << s.orientation_error << ',' << s.distance << ','
-        << s.mismatch;
-    for (int i = 0; i < 6; ++i) out << ',' << s.agreed(i);
-    out << '\n';
+    csv.row(s.t, s.phase, s.grasped, robots, s.object.translation(), s.position_error,
+            s.orientation_error, s.distance, s.mismatch, s.agreed);
   }
 }
 
@@ -76,29 +88,17 @@ std::vector<double> snapshot_times(const cooperation::Result& r) {
   return {0, r.ends[1], (r.ends[2] + r.ends[3]) / 2, r.ends[3], r.ends[4], r.samples.back().t};
 }
 
-// One block of points for each stroke: hull and arm of either robot, the pipe.
-void write_scene(const fs::path& file, const cooperation::Result& r) {
-  std::ofstream out(file);
-  const auto point = [&](const cooperation::Vector3& p) {
-    out << p.x() << ',' << p.y() << ',' << p.z() << '\n';
-  };
-  const double x = 0.5, y = 0.3, top = -0.3, bottom = 0.43;
-  const std::vector<cooperation::Vector3> hull{
-      {x, y, top},     {-x, y, top},     {-x, -y, top},   {x, -y, top},
-      {x, y, top},     {x, y, bottom},   {-x, y, bottom}, {-x, y, top},
-      {-x, y, bottom}, {-x, -y, bottom}, {-x, -y, top},   {-x, -y, bottom},
-      {x, -y, bottom}, {x, -y, top},     {x, -y, bottom}, {x, y, bottom}};
+// Hull and arm of either robot, the pipe.
+void write_scene(const fs::path& folder, const cooperation::Result& r) {
+  support::Strokes strokes(folder, "scene.csv");
   for (const double t : snapshot_times(r)) {
-    const auto s = std::find_if(r.samples.begin(), r.samples.end(),
-                                [&](const auto& sample) { return sample.t >= t - 1e-9; });
-    for (const auto& robot : s->robots) {
-      for (const auto& p : hull) point(robot.vehicle * p);
-      out << "\n\n";
-      for (int j = 0; j < robot.arm.cols(); ++j) point(robot.arm.col(j));
-      out << "\n\n";
+    const auto& s = support::sample_at(r.samples, t);
+    for (const auto& robot : s.robots) {
+      strokes.add(support::hull_points(robot.vehicle));
+      strokes.add(robot.arm);
     }
-    for (const double end : {-1.7, 1.7}) point(s->object * cooperation::Vector3(end, 0, 0));
-    out << "\n\n";
+    const cooperation::Vector3 end(1.7, 0, 0);
+    strokes.add({s.object * -end, s.object * end});
   }
 }
 
@@ -201,9 +201,8 @@ int main(int argc, char** argv) {
                (r.finished || v.variant.current);
     if (r.ends.size() < 7) continue;
     const fs::path folder = fs::path(arguments.output) / v.name;
-    fs::create_directories(folder);
-    write_csv(folder / "mission.csv", r);
-    write_scene(folder / "scene.csv", r);
+    write_csv(folder, r);
+    write_scene(folder, r);
     if (drawn) drawn = draw(folder, v.title, r);
   }
   print_phases(results);

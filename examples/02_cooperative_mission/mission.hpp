@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "../support/geometry.hpp"
+#include "../support/uvms.hpp"
 
 namespace cooperation {
 
@@ -54,10 +55,6 @@ inline Pose start(double side) {
   return side < 0 ? pose({-0.6, -1.7, 0.9}, 0.12, -0.1, 0.9)
                   : pose({1.7, -1.8, 1.0}, -0.1, 0.1, 2.2);
 }
-/// Up to 0.05 m/s, period 10 s, along x of the world.
-inline Vector3 sinusoidal_current(double t) {
-  return {0.05 * std::sin(2 * std::numbers::pi * t / 10), 0, 0};
-}
 
 // --- one set of gains, margins and limits for the whole mission ----------------------------------
 
@@ -76,10 +73,7 @@ inline constexpr double joint_speed = 1.0, vehicle_speed = 0.8, vehicle_turn = 0
 inline constexpr double settle = 2.5;  ///< s, the phases around the firm grasp, as in the paper
 
 inline icat::Controller<Robot>::Options controller_options() {
-  Command limit;
-  limit << icat::Vector<double, 7>::Constant(joint_speed), Vector3::Constant(vehicle_speed),
-      Vector3::Constant(vehicle_turn);
-  return {.solver = {.bounds = {-limit, limit}}};
+  return {.solver = {.bounds = support::velocity_bounds(joint_speed, vehicle_speed, vehicle_turn)}};
 }
 
 inline Robot make_robot() {
@@ -99,9 +93,9 @@ class Side {
         tool(robot.frame("tool")),
         gripper(robot.frame("gripper")),
         camera(robot.frame("camera")),
-        plant(robot, {.q = posture(),
+        plant(robot, {.q = support::folded_arm(),
                       .base = start(side),
-                      .current = variant.current ? sinusoidal_current : nullptr}),
+                      .current = variant.current ? support::sinusoidal_current : nullptr}),
         joint_limits(robot, {.margin = limit_margin, .to_middle = true, .gain = 0.5}),
         vehicle_distance(robot, robot.base(), start(-side).translation(),
                          Objective::at_least(minimum_distance, distance_margin), {.gain = 0.5}),
@@ -170,11 +164,6 @@ class Side {
             .max_linear_rate = speed,
             .max_angular_rate = tool_angular};
   }
-  static icat::Vector<double, 7> posture() {
-    icat::Vector<double, 7> q;
-    q << 0, 0.7, 0, -1.8, 0, 1.1, 0;
-    return q;
-  }
 
  public:
   Robot robot;
@@ -206,7 +195,7 @@ struct RobotSample {
   double joint_margin, manipulability, attitude, centering;
   std::array<double, 7> limit_activations;
   std::array<double, 9> activations;  ///< as `task_names`; the largest of each task's rows
-  Eigen::Matrix<double, 3, 9> arm;    ///< its points in the world, from mount to gripper
+  std::array<Vector3, 9> arm;         ///< its points in the world, from mount to gripper
 };
 
 struct Sample {
@@ -345,7 +334,7 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
       r.q = side.robot.q();
       Command actual = command[i];
       if (variant.current) {
-        actual.segment<3>(7) += r.vehicle.linear().transpose() * sinusoidal_current(t);
+        actual.segment<3>(7) += r.vehicle.linear().transpose() * support::sinusoidal_current(t);
       }
       r.tool_velocity = support::twist(side.robot, side.tool, actual);
       r.joint_margin = support::joint_margin(side.robot);

@@ -1,173 +1,165 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// The planar vehicle with two arms of [NSB, II] and its five tasks [NSB, III].
+/// The planar vehicle with two arms of [NSB, II] and its five tasks [NSB, III], in the plane z = 0
+/// of ⟨0⟩, y up.
 ///
-///     η_b = [x y ψ]              the vehicle, in the inertial plane; y points up
-///     ẏ   = [u v r q̇₁ q̇₂]        u, v on the vehicle frame ⟨b⟩; ζ₁ = its first six, ζ₂ = its last
-///     two η_i^b = k_i(q_i)           end effectors in ⟨b⟩, Eq. (4), (5) η_i = η_b + R(ψ) k_i(q_i)
-///     in the inertial frame, Eq. (2), (3)
+///     ẏ = [q̇₂ q̇₁ u v r]     ζ₂ = its first two, ζ₁ = its last six; u, v on the vehicle
 ///
 /// **Errata.** Eq. (3), (23): `q12` in the second arm is `q22`. Eq. (13): J₁₂ has six columns.
-/// Eq. (20): the rotation's (1,2) entry is `−sin`. Eq. (22): a, a_des and p_e are taken in ⟨b⟩, as
-/// J_p and J_o are.
-///
-/// A Jacobian has all eight columns. The paper's are the first six (leader) or the last two
-/// (follower); one solver for the whole body takes all.
+/// Eq. (20): the rotation's (1,2) entry is `−sin`. Eq. (22): J_p and J_o are on ⟨b⟩, so a, a_des
+/// and p_e are too; here all of them are on ⟨0⟩, which changes neither σ₂₁ nor J₂₁.
 #pragma once
 
-#include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <icat/core/types.hpp>
+#include <icat/icat.hpp>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "../support/geometry.hpp"
 
 namespace nsb {
 
-using Vector2 = icat::Vector<double, 2>;
+namespace task = icat::task;
+inline constexpr double degree = std::numbers::pi / 180;
+using Robot = icat::KinematicTree<double, 8>;
+using Pose = icat::Pose<double>;
 using Vector3 = icat::Vector3<double>;
+using Vector6 = icat::Vector6<double>;
+using Joints = icat::Vector<double, 5>;  ///< q₂, q₁
 using Velocity = icat::Vector<double, 8>;
+using Link = icat::DhRow<double>;
 
-/// Of the vehicle and the links, m. The paper gives none.
+inline Link link(double length) {
+  return {length, 0, 0, 0, icat::JointType::revolute, -170 * degree, 170 * degree};
+}
+/// Of vehicle and links, m. The paper gives none.
 struct Dimensions {
   double length = 1.2, height = 0.5;
-  Vector3 arm1{0.4, 0.4, 0.4};
-  Vector2 arm2{0.5, 0.4};
+  std::vector<Link> arm1{link(0.4), link(0.4), link(0.4)}, arm2{link(0.5), link(0.4)};
 };
 
-struct State {
-  Vector3 vehicle = Vector3::Zero();  ///< x (m), y (m), ψ (rad)
-  Vector3 q1 = Vector3::Zero();       ///< rad
-  Vector2 q2 = Vector2::Zero();       ///< rad
-};
+//! [robot]
+/// Eq. (1)–(5). Arm 2 comes first: so the leader, vehicle and arm 1, has adjacent columns.
+inline Robot make_robot(const Dimensions& d) {
+  std::vector<icat::Joint<double>> joints;
+  const auto add = [&](const std::string& arm, double x, const std::vector<Link>& links) {
+    joints.push_back({arm, "vehicle", arm, icat::JointType::fixed,
+                      support::pose({x, d.height / 2, 0}, 0, 0, 0)});
+    for (const auto& joint : icat::dh_chain(links, icat::DhConvention::standard, arm, arm + "_")) {
+      joints.push_back(joint);
+    }
+  };
+  add("arm2", d.length / 2, d.arm2);
+  add("arm1", -d.length / 2, d.arm1);
+  return Robot({.joints = joints, .base = icat::Base<double>::surface()});  // u, v, r
+}
+//! [robot]
 
-/// σ (m rows) and its Jacobian (m × 8).
-template <int Rows>
-struct TaskValue {
-  icat::Vector<double, Rows> value;
-  Eigen::Matrix<double, Rows, 8> jacobian = Eigen::Matrix<double, Rows, 8>::Zero();
-};
+/// The reference of σ₁₁: a point that goes along a line at constant speed and waits at its end, and
+/// an orientation normal to the line, to its left.
+struct Line {
+  Vector3 start, end;  ///< m
+  double speed;        ///< m/s
 
-inline Eigen::Matrix2d rotation(double angle) { return Eigen::Rotation2Dd(angle).matrix(); }
-/// A quarter turn, dR/dψ = R S.
-inline Vector2 turned(const Vector2& v) { return {-v.y(), v.x()}; }
-
-/// Joints and end effector of a planar arm in ⟨b⟩, one for each column.
-template <int Links>
-Eigen::Matrix<double, 2, Links + 1> points(const Vector2& base,
-                                           const icat::Vector<double, Links>& links,
-                                           const icat::Vector<double, Links>& q) {
-  Eigen::Matrix<double, 2, Links + 1> p;
-  p.col(0) = base;
-  double angle = 0;
-  for (int j = 0; j < Links; ++j) {
-    angle += q(j);
-    p.col(j + 1) = p.col(j) + links(j) * Vector2(std::cos(angle), std::sin(angle));
+  Vector3 direction() const { return (end - start).normalized(); }
+  double duration() const { return (end - start).norm() / speed; }
+  Pose pose(double t) const {
+    return support::pose(start + direction() * speed * std::min(t, duration()), 0, 0,
+                         std::atan2(direction().y(), direction().x()) + 90 * degree);
   }
-  return p;
-}
-inline auto arm1_points(const Dimensions& d, const Vector3& q) {
-  return points<3>({-d.length / 2, d.height / 2}, d.arm1, q);
-}
-inline auto arm2_points(const Dimensions& d, const Vector2& q) {
-  return points<2>({d.length / 2, d.height / 2}, d.arm2, q);
-}
-/// Velocity of the end effector, the last point, over the joint velocities, in ⟨b⟩.
-template <int Points>
-Eigen::Matrix<double, 2, Points - 1> position_jacobian(
-    const Eigen::Matrix<double, 2, Points>& points) {
-  Eigen::Matrix<double, 2, Points - 1> J;
-  for (int j = 0; j < Points - 1; ++j) {
-    J.col(j) = turned(Vector2(points.col(Points - 1) - points.col(j)));
+  Vector6 velocity(double t) const {
+    Vector6 v = Vector6::Zero();
+    if (t < duration()) v.head<3>() = speed * direction();
+    return v;
   }
-  return J;
-}
-
-/// σ₁₁ = η₁, position (m) and angle (rad) of end effector 1 in the inertial frame, Eq. (8)–(10).
-inline TaskValue<3> tool_pose(const Dimensions& d, const State& s) {
-  const auto p = arm1_points(d, s.q1);
-  const Eigen::Matrix2d R = rotation(s.vehicle.z());
-  TaskValue<3> t;
-  t.value << s.vehicle.head<2>() + R * p.col(3), s.vehicle.z() + s.q1.sum();
-  t.jacobian.topLeftCorner<2, 2>() = R;
-  t.jacobian.block<2, 1>(0, 2) = R * turned(p.col(3));
-  t.jacobian.block<2, 3>(0, 3) = R * position_jacobian<4>(p);
-  t.jacobian.block<1, 4>(2, 2).setOnes();
-  return t;
-}
-
-/// σ₁₂ = ψ, rad, Eq. (11)–(13).
-inline TaskValue<1> vehicle_orientation(const State& s) {
-  TaskValue<1> t;
-  t.value << s.vehicle.z();
-  t.jacobian(2) = 1;
-  return t;
-}
-
-/// σ₁₃ = y_ee1 − y_b, m, Eq. (14)–(16).
-inline TaskValue<1> vertical_distance(const Dimensions& d, const State& s) {
-  const TaskValue<3> tool = tool_pose(d, s);
-  TaskValue<1> t;
-  t.value << tool.value.y() - s.vehicle.y();
-  t.jacobian.rightCols<6>() = tool.jacobian.block<1, 6>(1, 2);
-  return t;
-}
+};
 
 /// ε of [NSB, Remark 2].
 inline constexpr double field_of_view_epsilon = 1e-3;
 
-struct FieldOfView : TaskValue<1> {
-  double weight;  ///< min(1, ‖a_des − a‖/ε)
-};
-
-/// σ₂₁ = ‖a_des − a‖, Eq. (17)–(23): a is where arm 2 points, a_des where end effector 1 is.
+/// σ₂₁ = ‖a_des − a‖, Eq. (17)–(23): a is where the camera's x axis points, a_des where the target
+/// is. `LookAt` has the angle 2 asin(σ₂₁/2) instead, so it does not converge as the paper's does.
 ///
 /// Remark 2: the Jacobian divides by ε where the norm is smaller. J₂₁ then passes through 0 instead
 /// of jumping from one sign to the other, but J₂₁⁺ grows as J₂₁ shrinks: a rate of −λσ₂₁ would make
-/// the arm chatter with ±λε. So give the rate the factor that the Jacobian has, `weight`: J⁺ rate
-/// is then what it is without Remark 2, and smooth.
-inline FieldOfView field_of_view(const Dimensions& d, const State& s) {
-  const auto p1 = arm1_points(d, s.q1);
-  const auto p2 = arm2_points(d, s.q2);
-  const Vector2 p_e = p1.col(3) - p2.col(2);
-  const double range = std::max(p_e.norm(), 1e-9);  // the end effectors in one place: no direction
-  const Vector2 a_des = p_e / range;
-  const double angle = s.q2.sum();
-  const Vector2 a{std::cos(angle), std::sin(angle)};
+/// the arm chatter with ±λε. So give the rate the factor that the Jacobian has: J⁺ rate is then
+/// what it is without Remark 2, and smooth.
+class FieldOfView : public icat::ScalarTask<Robot> {
+ public:
+  FieldOfView(const Robot& robot, icat::FrameId camera, icat::FrameId target, double gain)
+      : ScalarTask(robot, "field of view", icat::Objective<double>::equal_to(0), gain,
+                   icat::infinity<double>),
+        camera_(camera),
+        target_(target) {}
 
-  FieldOfView t;
-  Vector2 difference = a_des - a;
-  t.value << difference.norm();
-  t.weight = std::min(1.0, t.value(0) / field_of_view_epsilon);
-  // Below rounding the difference has no direction. J = 0 would hand its null space to the next
-  // task for a cycle; so the limit, with what is left of its length.
-  constexpr double rounding = 1e-12;
-  if (t.value(0) < rounding) difference = rounding * turned(a);
-  const Vector2 unit = difference / std::max(t.value(0), field_of_view_epsilon);
-  // In the plane −S(a_des) S(p_e)⁺ x = −(I − a_des a_desᵀ) x / ‖p_e‖, and S(a) [0 0 1]ᵀ =
-  // −turned(a).
-  const Vector2 along = (unit - a_des * a_des.dot(unit)) / range;
-  t.jacobian.segment<3>(3) = along.transpose() * position_jacobian<4>(p1);
-  t.jacobian.tail<2>() = -along.transpose() * position_jacobian<3>(p2);
-  t.jacobian.tail<2>().array() -= unit.dot(turned(a));
-  return t;
+ private:
+  void compute() noexcept override {
+    const Pose camera = robot().pose(camera_);
+    const Vector3 a = camera.linear().col(0);
+    const Vector3 p_e = robot().pose(target_).translation() - camera.translation();
+    const double range = std::max(p_e.norm(), 1e-9);  // in the lens: no direction
+    const Vector3 a_des = p_e / range;
+    Vector3 difference = a_des - a;
+    set_value(difference.norm());
+    reference_ *= std::min(1.0, value() / field_of_view_epsilon);
+    // Below rounding the difference has no direction. J = 0 would hand its null space to the next
+    // task for a cycle; so the limit, with what is left of its length.
+    constexpr double rounding = 1e-12;
+    if (value() < rounding) difference = rounding * Vector3::UnitZ().cross(a);
+    const Vector3 unit = difference / std::max(value(), field_of_view_epsilon);
+    // −S(a_des) S(p_e)⁺ x = −(I − a_des a_desᵀ) x / ‖p_e‖ and uᵀ S(a) ω = −(a × u)ᵀ ω.
+    const Vector3 along = (unit - a_des * a_des.dot(unit)) / range;
+    const auto &J = robot().jacobian(camera_), &K = robot().jacobian(target_);
+    jacobian_ =
+        along.transpose() * (K - J).topRows<3>() - a.cross(unit).transpose() * J.bottomRows<3>();
+  }
+
+  icat::FrameId camera_, target_;
+};
+
+inline constexpr icat::Axes in_plane{.z = false}, about_z{.x = false, .y = false};
+
+/// σ₁₃ is along y of the world; `relative_to` the vehicle would be along the vehicle's.
+inline auto height_over_vehicle(icat::FrameId hand) {
+  return [hand](const Robot& robot, auto x, auto J) {
+    x(0) = robot.pose(hand)(1, 3) - robot.pose(robot.base())(1, 3);
+    J = robot.jacobian(hand).row(1) - robot.jacobian(robot.base()).row(1);
+  };
 }
 
-/// σ₂₂ = q₂₁, rad, Eq. (24)–(26).
-inline TaskValue<1> first_joint(const State& s) {
-  TaskValue<1> t;
-  t.value << s.q2(0);
-  t.jacobian(6) = 1;
-  return t;
-}
+//! [tasks]
+/// σ₁₁ (8)–(10), σ₁₂ (11)–(13), σ₁₃ (14)–(16) of the leader, σ₂₁ (17)–(23), σ₂₂ (24)–(26) of the
+/// follower, with the gains of (35).
+struct Tasks {
+  const Robot& robot;
+  Line line;
+  icat::Objective<double> height;
+  icat::FrameId hand = robot.frame("arm1_link3"), camera = robot.frame("arm2_link2");
 
-/// The state after `dt` seconds of velocity ẏ, second order in dt.
-inline State moved(const State& s, const Velocity& y, double dt) {
-  State next;
-  next.vehicle.head<2>() =
-      s.vehicle.head<2>() + rotation(s.vehicle.z() + y(2) * dt / 2) * y.head<2>() * dt;
-  next.vehicle.z() = s.vehicle.z() + y(2) * dt;
-  next.q1 = s.q1 + y.segment<3>(3) * dt;
-  next.q2 = s.q2 + y.tail<2>() * dt;
-  return next;
+  task::FramePose<Robot> tool{
+      robot, hand, line.pose(0), {.linear = in_plane, .angular = about_z, .gain = 1}};
+  task::FrameOrientation<Robot> level{
+      robot, robot.base(), Pose::Identity().linear(), {.axes = about_z, .gain = 3}};
+  task::FunctionTask<Robot> distance{robot, height, height_over_vehicle(hand), {.gain = 2}};
+  FieldOfView view{robot, camera, hand, 1};
+  task::JointPosition<Robot> joint{
+      robot, Eigen::VectorXd::Constant(1, 90 * degree), {.joints = {"arm2_joint1"}, .gain = 3}};
+
+  icat::Status follow(double t) noexcept { return tool.set_goal(line.pose(t), line.velocity(t)); }
+};
+//! [tasks]
+
+/// σ_d − σ of σ₁₁ (3 rows), σ₁₂, σ₁₃, σ₂₁, σ₂₂ as of the last update, at t.
+inline icat::Vector<double, 7> errors(const Tasks& k, double t) {
+  const Vector6 v = k.line.velocity(t);
+  icat::Vector<double, 7> e;
+  e << (k.tool.reference() - Vector3(v(0), v(1), v(5))) / k.tool.gain(),
+      k.level.reference() / k.level.gain(), k.distance.reference() / k.distance.gain(),
+      -k.view.value(), k.joint.reference() / k.joint.gain();
+  return e;
 }
 
 }  // namespace nsb

@@ -3,10 +3,10 @@
 // writes CSV and, where gnuplot is found, pictures.
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <string>
 
 #include "../support/command_line.hpp"
+#include "../support/csv.hpp"
 #include "../support/support.hpp"
 #include "mission.hpp"
 
@@ -20,61 +20,50 @@ struct Run {
   nsb::Result result;
 };
 
-void write_csv(const fs::path& file, const nsb::Result& r) {
-  std::ofstream out(file);
-  out.precision(9);
-  out << "t,x,y,psi,q11,q12,q13,q21,q22,reference_x,reference_y,reference_psi,"
-         "error_x,error_y,error_psi,error_orientation,error_distance,error_view,error_joint,"
-         "u,v,r,qdot11,qdot12,qdot13,qdot21,qdot22\n";
-  const auto row = [&](const auto& v) {
-    for (const double x : v) out << ',' << x;
+void write_csv(const std::string& folder, const std::string& name, const nsb::Result& r) {
+  support::Csv csv(folder, name + ".csv",
+                   "t,x,y,psi,q21,q22,q11,q12,q13,reference_x,reference_y,reference_psi,"
+                   "error_x,error_y,error_psi,error_orientation,error_distance,error_view,"
+                   "error_joint,qdot21,qdot22,qdot11,qdot12,qdot13,u,v,r");
+  const auto in_plane = [](const nsb::Pose& p) {
+    return nsb::Vector3(p(0, 3), p(1, 3), std::atan2(p(1, 0), p(0, 0)));
   };
   for (std::size_t i = 0; i < r.samples.size(); i += 5) {
     const auto& s = r.samples[i];
-    out << s.t;
-    row(s.state.vehicle);
-    row(s.state.q1);
-    row(s.state.q2);
-    row(s.reference);
-    row(s.error);
-    row(s.velocity);
-    out << '\n';
+    csv.row(s.t, in_plane(s.vehicle), s.q, in_plane(s.reference), s.error, s.velocity);
   }
 }
 
 constexpr std::array<double, 4> snapshots{0, 4, 125, 250};  // s
 
 // Five blocks for each snapshot: hull, arm 1, arm 2, pointing direction, reference; then the line.
-void write_snapshots(const fs::path& file, const nsb::Scenario& scenario, const nsb::Result& r) {
-  std::ofstream out(file);
-  const auto point = [&](const nsb::Vector2& p) { out << p.x() << ',' << p.y() << '\n'; };
+void write_snapshots(const std::string& folder, const nsb::Scenario& scenario,
+                     const nsb::Result& r) {
+  support::Strokes strokes(folder, "snapshots.csv");
+  nsb::Robot robot = scenario.robot();
+  const auto at = [&](const std::vector<const char*>& frames) {
+    std::vector<nsb::Vector3> points;
+    for (const char* f : frames) points.push_back(robot.pose(robot.frame(f)).translation());
+    return points;
+  };
+  const double x = scenario.dimensions.length / 2, y = scenario.dimensions.height / 2;
   for (const double t : snapshots) {
-    const auto s = std::find_if(r.samples.begin(), r.samples.end(),
-                                [&](const nsb::Sample& sample) { return sample.t >= t - 1e-9; });
-    const auto& d = scenario.dimensions;
-    const auto in_body = [&](const nsb::Vector2& p) {
-      point(s->state.vehicle.head<2>() + nsb::rotation(s->state.vehicle.z()) * p);
-    };
-    for (const auto& [x, y] : {std::pair{1, 1}, {-1, 1}, {-1, -1}, {1, -1}, {1, 1}}) {
-      in_body({x * d.length / 2, y * d.height / 2});
-    }
-    const auto arm1 = nsb::arm1_points(d, s->state.q1);
-    const auto arm2 = nsb::arm2_points(d, s->state.q2);
-    out << "\n\n";
-    for (int j = 0; j < 4; ++j) in_body(arm1.col(j));
-    out << "\n\n";
-    for (int j = 0; j < 3; ++j) in_body(arm2.col(j));
-    out << "\n\n";
-    const double angle = s->state.q2.sum();
-    in_body(arm2.col(2));
-    in_body(arm2.col(2) + 1.15 * (arm1.col(3) - arm2.col(2)).norm() *
-                              nsb::Vector2(std::cos(angle), std::sin(angle)));
-    out << "\n\n";
-    point(s->reference.head<2>());
-    out << "\n\n";
+    const auto& s = support::sample_at(r.samples, t);
+    if (robot.update(s.q, s.vehicle) != icat::Status::ok) return;
+    std::vector<nsb::Vector3> hull{{x, y, 0}, {-x, y, 0}, {-x, -y, 0}, {x, -y, 0}, {x, y, 0}};
+    for (auto& corner : hull) corner = s.vehicle * corner;
+    strokes.add(hull);
+    const auto arm1 = at({"arm1", "arm1_link1", "arm1_link2", "arm1_link3"});
+    const auto arm2 = at({"arm2", "arm2_link1", "arm2_link2"});
+    strokes.add(arm1);
+    strokes.add(arm2);
+    const double range = (arm1.back() - arm2.back()).norm();
+    strokes.add(
+        {arm2.back(), robot.pose(robot.frame("arm2_link2")) * nsb::Vector3(1.15 * range, 0, 0)});
+    strokes.add({s.reference.translation()});
   }
-  point(scenario.line().start);
-  point(scenario.line().end);
+  strokes.add(
+      {r.samples.front().reference.translation(), r.samples.back().reference.translation()});
 }
 
 bool draw(const fs::path& folder) {
@@ -115,15 +104,15 @@ void print(const std::vector<Run>& runs) {
         [&](const nsb::Result& r) { return number(r.line_error[k], 4); });
   }
   std::printf("peak velocity\n");
-  row(runs, "  u (m/s, at most 3)", [](const auto& r) { return number(r.peak(0), 2); });
-  row(runs, "  v (m/s, at most 2)", [](const auto& r) { return number(r.peak(1), 2); });
+  row(runs, "  u (m/s, at most 3)", [](const auto& r) { return number(r.peak(5), 2); });
+  row(runs, "  v (m/s, at most 2)", [](const auto& r) { return number(r.peak(6), 2); });
   row(runs, "  r (deg/s, at most 3)",
-      [](const auto& r) { return number(r.peak(2) / nsb::degree, 1); });
+      [](const auto& r) { return number(r.peak(7) / nsb::degree, 1); });
   row(runs, "  arm 1 (deg/s, at most 10)", [](const auto& r) {
-    return number(r.peak.template segment<3>(3).maxCoeff() / nsb::degree, 1);
+    return number(r.peak.template segment<3>(2).maxCoeff() / nsb::degree, 1);
   });
   row(runs, "  arm 2 (deg/s, at most 10)",
-      [](const auto& r) { return number(r.peak.template tail<2>().maxCoeff() / nsb::degree, 1); });
+      [](const auto& r) { return number(r.peak.template head<2>().maxCoeff() / nsb::degree, 1); });
   row(runs, "largest change in 10 ms", [](const auto& r) { return number(r.largest_step, 3); });
   row(runs, "joint past its limit (deg)", [](const auto& r) {
     return r.past_limit > 0 ? number(r.past_limit / nsb::degree, 1) : "no";
@@ -155,16 +144,15 @@ int main(int argc, char** argv) {
       "of priority for the leader from %d, for the follower from %d.\n",
       order.starts, nsb::tolerance, order.converged, order.leader, order.follower);
 
-  fs::create_directories(arguments.output);
   bool all_well = true;
   for (const Run& run : runs) {
-    write_csv(fs::path(arguments.output) / (std::string(run.file) + ".csv"), run.result);
+    write_csv(arguments.output, run.file, run.result);
     all_well = all_well && run.result.status == icat::Status::ok;
     if (run.settings.reach < 1 && !run.settings.stops) {
       for (const double error : run.result.last_error) all_well &= error < nsb::tolerance;
     }
   }
-  write_snapshots(fs::path(arguments.output) / "snapshots.csv", line, runs[0].result);
+  write_snapshots(arguments.output, line, runs[0].result);
   const bool drawn = arguments.pictures && draw(arguments.output);
   std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
   return all_well ? 0 : 1;

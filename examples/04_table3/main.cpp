@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "../support/command_line.hpp"
+#include "../support/csv.hpp"
 #include "../support/support.hpp"
 #include "table.hpp"
 
@@ -69,26 +70,20 @@ void print(const table3::Table& t) {
   std::printf("| drift of the grasps, at most | %.1e m |\n", drift);
 }
 
-void write_csv(const fs::path& file, const table3::Result& r) {
-  std::ofstream out(file);
-  out.precision(7);
-  out << "t,fx,fy,fz,mx,my,mz,force,moment,position_error,orientation_error,object_speed";
-  for (const char* robot : {"a", "b"}) {
-    for (const char* c : {"vx", "vy", "vz", "wx", "wy", "wz"})
-      out << ",agreed_" << c << '_' << robot;
-    for (const char* c : {"fx", "fy", "fz"}) out << ",thrust_" << c << '_' << robot;
-  }
-  out << '\n';
-  for (const auto& s : r.samples) {
-    out << s.t;
-    for (int i = 0; i < 6; ++i) out << ',' << s.interaction(i);
-    out << ',' << s.interaction.head<3>().norm() << ',' << s.interaction.tail<3>().norm() << ','
-        << s.position_error << ',' << s.orientation_error << ',' << s.object_speed;
-    for (std::size_t i = 0; i < 2; ++i) {
-      for (int j = 0; j < 6; ++j) out << ',' << s.agreed[i](j);
-      for (int j = 0; j < 3; ++j) out << ',' << s.vehicle_wrench[i](j);
+void write_csv(const std::string& folder, const std::string& name, const table3::Result& r) {
+  std::string header =
+      "t,fx,fy,fz,mx,my,mz,force,moment,position_error,orientation_error,object_speed";
+  for (const char* robot : {"_a", "_b"}) {
+    for (const char* c : {"agreed_vx", "agreed_vy", "agreed_vz", "agreed_wx", "agreed_wy",
+                          "agreed_wz", "thrust_fx", "thrust_fy", "thrust_fz"}) {
+      header += std::string(",") + c + robot;
     }
-    out << '\n';
+  }
+  support::Csv csv(folder, name + ".csv", header);
+  for (const auto& s : r.samples) {
+    csv.row(s.t, s.interaction, s.interaction.head<3>().norm(), s.interaction.tail<3>().norm(),
+            s.position_error, s.orientation_error, s.object_speed, s.agreed[0],
+            s.vehicle_wrench[0].head<3>(), s.agreed[1], s.vehicle_wrench[1].head<3>());
   }
 }
 
@@ -145,12 +140,11 @@ int main(int argc, char** argv) {
     t = table3::run_all({}, table3::rows.size(), [&](double share) { bar.show(share); });
   }
   print(t);
-  fs::create_directories(arguments.output);
   std::string names;
   for (std::size_t i = 0; i < t.results.size(); ++i) {
     std::string name = table3::rows[i].name;
     std::replace(name.begin(), name.end(), ' ', '_');
-    write_csv(fs::path(arguments.output) / (name + ".csv"), t.results[i]);
+    write_csv(arguments.output, name, t.results[i]);
     names += name + ' ';
   }
   if (arguments.extended) sensitivity(arguments.output);

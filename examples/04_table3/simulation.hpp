@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "../support/geometry.hpp"
+#include "../support/uvms.hpp"
 
 namespace table3 {
 
@@ -120,30 +121,17 @@ struct Parameters {
 inline constexpr double plant_dt = 1.0 / 2000, control_dt = 0.01;
 inline constexpr double grasp_distance = 1.5;
 
-inline Pose pose(const Vector3& position, const icat::Matrix3<double>& rotation) {
-  Pose p = Pose::Identity();
-  p.translation() = position;
-  p.linear() = rotation;
-  return p;
-}
-inline icat::Matrix3<double> turn(const Vector3& axis, double angle) {
-  return icat::axis_rotation<double>(axis, angle);
-}
-
 // [Coop, V-B]. The pipe lies along x of ⟨o⟩ and along y of the world, so that the rotation about y
 // and z of the world by π/2 rolls and turns it but leaves it horizontal.
 inline constexpr double quarter = std::numbers::pi / 2;
-inline const Pose pipe_start = pose({0.5, 0.5, 3}, turn(Vector3::UnitZ(), quarter));
+inline const Pose pipe_start = support::pose({0.5, 0.5, 3}, 0, 0, quarter);
 inline const Pose pipe_goal =
-    pose({0.75, 0.75, 2.5},
-         turn(Vector3::UnitZ(), quarter) * turn(Vector3::UnitY(), quarter) * pipe_start.linear());
+    support::pose({0.75, 0.75, 2.5}, 0, quarter, quarter) * support::pose({0, 0, 0}, 0, 0, quarter);
 
 /// Its tool is the gripper until it holds the pipe.
 inline Robot make_robot() {
-  Pose gripper = Pose::Identity();
-  gripper.translation().z() = 0.1;
-  return icat::uvms(icat::maris_arm<double>(),
-                    {.arm = icat::maris_arm_mount<double>(), .tool = gripper});
+  return icat::uvms(icat::maris_arm<double>(), {.arm = icat::maris_arm_mount<double>(),
+                                                .tool = support::pose({0, 0, 0.1}, 0, 0, 0)});
 }
 
 /// After the grasp: the grippers came from above, the vehicles face along x of the world, level.
@@ -186,7 +174,8 @@ class Side {
         still_arm_(robot, icat::joint_columns(robot)),
         agent(robot, {{"hold", levels(hold_)}, {"transport", levels(tool_)}},
               {{"hold", hold_}, {"transport", tool_}},
-              {.controller = {.solver = {.bounds = bounds(p)}},
+              {.controller = {.solver = {.bounds = support::velocity_bounds(
+                                             p.joint_speed, p.vehicle_speed, p.vehicle_turn)}},
                .compensation = row.compensation,
                .agreement = {.index = index,
                              .spans = row.spans,
@@ -231,12 +220,6 @@ class Side {
     Vector6 b;
     b << Vector3::Constant(p.vehicle_bandwidth), Vector3::Constant(p.turn_bandwidth);
     return b;
-  }
-  static icat::VelocityBounds<double, 13> bounds(const Parameters& p) {
-    Vector13 limit;
-    limit << Joints::Constant(p.joint_speed), Vector3::Constant(p.vehicle_speed),
-        Vector3::Constant(p.vehicle_turn);
-    return {-limit, limit};
   }
   /// What each axis feels when the others are free, 1/(M⁻¹)ᵢᵢ, in the nominal posture.
   static Vector13 nominal_inertia() {
@@ -384,10 +367,9 @@ inline Result run(const Row& row, const Parameters& p,
       Sample s;
       s.t = t;
       s.interaction = plant.interaction();
-      s.position_error = (pipe_goal.translation() - plant.object().translation()).norm();
-      s.orientation_error =
-          icat::rotation_log<double>(pipe_goal.linear() * plant.object().linear().transpose())
-              .norm();
+      const auto error = support::distance(pipe_goal, plant.object());
+      s.position_error = error.position;
+      s.orientation_error = error.orientation;
       s.object_speed = plant.object_velocity().head<3>().norm();
       std::array<Vector6, 2> own;
       for (std::size_t i = 0; i < 2; ++i) {
@@ -425,9 +407,9 @@ inline Result run(const Row& row, const Parameters& p,
   result.thrust_mean = thrust.topRows<3>().maxCoeff() * plant_dt / std::max(result.end, plant_dt);
   result.proposals_apart =
       std::sqrt(apart / std::max(static_cast<double>(result.samples.size()), 1.0));
-  result.final_error = (pipe_goal.translation() - plant.object().translation()).norm();
-  result.final_orientation =
-      icat::rotation_log<double>(pipe_goal.linear() * plant.object().linear().transpose()).norm();
+  const auto error = support::distance(pipe_goal, plant.object());
+  result.final_error = error.position;
+  result.final_orientation = error.orientation;
   return result;
 }
 

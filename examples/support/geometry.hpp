@@ -6,7 +6,6 @@
 #include <cmath>
 #include <icat/math/rigid_motion.hpp>
 #include <limits>
-#include <string>
 
 namespace support {
 
@@ -60,18 +59,6 @@ double joint_margin(const Robot& robot) {
     margin = std::min({margin, q - joint.lower, joint.upper - q});
   }
   return margin;
-}
-
-/// Joints, end-effector and `tip` of the papers' arm in the world, from the mount on.
-template <class Robot>
-Eigen::Matrix<double, 3, 9> arm_points(const Robot& robot, icat::FrameId tip) {
-  Eigen::Matrix<double, 3, 9> points;
-  for (int j = 0; j < 7; ++j) {
-    points.col(j) = robot.pose(robot.frame("link" + std::to_string(j + 1))).translation();
-  }
-  points.col(7) = robot.pose(robot.frame("end_effector")).translation();
-  points.col(8) = robot.pose(tip).translation();
-  return points;
 }
 
 /// Velocity of `frame` under ẏ, components on itself.
