@@ -24,6 +24,9 @@ build/bench/benchmarks/tpik_benchmark --benchmark_repetitions=20 --benchmark_min
 say "Running: mission_benchmark"
 build/bench/benchmarks/mission_benchmark || fail "mission_benchmark failed"
 
+say "Running: safe_gains, for docs/safety.md"
+build/bench/benchmarks/safe_gains >"$out/safe_gains.md" || fail "safe_gains failed"
+
 say "Running: worst_case, under callgrind"
 counts=$out/callgrind
 mkdir -p "$counts"

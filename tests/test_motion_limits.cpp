@@ -139,4 +139,134 @@ TEST(MotionLimits, HoldInRandomLoops) {
   }
 }
 
+// --- what they are made of -----------------------------------------------------------------------
+
+TEST(MotionLimits, AreThoseThatTheRobotStatesOrOthers) {
+  Row robot;
+  robot.infos[0].upper = 1;
+  robot.infos[0].max_velocity = 0.5;
+  robot.infos[1].max_velocity = 2;
+  const icat::Cycle cycle{0.01, 0.01};
+  const auto box = [&](Limits limits) {
+    limits.update(robot, cycle);
+    return limits.upper();
+  };
+  EXPECT_EQ(box(Limits(robot)), Vector3(0.5, 2, inf));
+  EXPECT_EQ(box(Limits(robot, {.max_velocity = 1})), Vector3(0.5, 1, 1));
+  EXPECT_EQ(box(Limits(robot, {.max_velocity = 1, .max_acceleration = 3})),
+            Vector3(0.03, 0.03, 0.03));
+  // In place of the robot's own, by name.
+  EXPECT_EQ(box(Limits(robot, {.joints = {{.name = "lift", .column = 0, .max_velocity = 4}}})),
+            Vector3(4, 2, inf));
+  robot.x(0) = 0.99;
+  EXPECT_NEAR(box(Limits(robot, {.reaction_time = 0.05}))(0), 0.2, 1e-12);
+  robot.x(0) = 1;
+  EXPECT_EQ(box(Limits(robot))(0), 0);
+  robot.x(0) = 1.2;
+  EXPECT_EQ(box(Limits(robot))(0), 0);
+}
+
+TEST(MotionLimits, RefuseBadSettingsByName) {
+  Row robot;
+  const auto with = [&](Limits::Options options) {
+    return message_of([&] { Limits(robot, options); });
+  };
+  EXPECT_EQ(with({}), "no exception");
+  EXPECT_EQ(with({.reaction_time = 0}),
+            "MotionLimits: reaction_time must be finite and > 0, got 0");
+  EXPECT_EQ(with({.reaction_time = 20}),
+            "MotionLimits: reaction_time must be at most 10 s, got 20");
+  EXPECT_EQ(with({.max_velocity = -1}),
+            "MotionLimits: limits of velocity and acceleration must be > 0");
+  EXPECT_EQ(with({.joints = {{.name = "arm", .column = 0}}}),
+            "MotionLimits: no joint 'arm'; there are 'lift', 'turn', 'wheel'");
+  EXPECT_EQ(with({.joints = {{.name = "turn", .column = 1, .lower = 2, .upper = 1}}}),
+            "MotionLimits: joint 'turn': limits must be in order, got [2, 1]");
+  EXPECT_EQ(with({.joints = {{.name = "turn", .column = 1, .max_acceleration = 0}}}),
+            "MotionLimits: joint 'turn': limits of velocity and acceleration must be > 0");
+  EXPECT_EQ(with({.base_velocity = {1}}),
+            "MotionLimits: 1 limits of the base, which has 0 columns");
+}
+
+// A joint that must brake does not hold the others; those that are free share a scale.
+TEST(MotionLimits, ABrakingJointIsBroughtInAlone) {
+  Row robot;
+  for (auto& joint : robot.infos) joint.max_acceleration = 1;
+  robot.infos[0].upper = 1;
+  Limits limits(robot, {.reaction_time = 0.01});
+  const icat::Cycle cycle{0.01, 0.01};
+  for (int k = 0; k < 50; ++k) {
+    limits.update(robot, cycle);
+    (void)limits.limit_joints({1, 0.2, 0.4});
+  }
+  EXPECT_NEAR(limits.command()(0), 0.5, 1e-12);
+  EXPECT_NEAR(limits.command()(1), 0.1, 1e-12);  // on the line to what is wanted
+  EXPECT_NEAR(limits.command()(2), 0.2, 1e-12);
+  robot.x(0) = 0.99;  // no way left to go on
+  limits.update(robot, cycle);
+  EXPECT_FALSE(limits.limit_joints({1, 0.2, 0.4}));
+  EXPECT_NEAR(limits.command()(0), 0.49, 1e-12);
+  EXPECT_NEAR(limits.command()(1), 0.105, 1e-12);
+  EXPECT_NEAR(limits.command()(2), 0.21, 1e-12);
+}
+
+// Cases M7 and M11: goals at 10 Hz, gain 3, and the vehicle is slow.
+TEST(MotionLimits, GoalsThatJumpMoveTheRobotWithinItsAccelerations) {
+  auto robot = testing_support::make_robot<double>();
+  using Uvms = decltype(robot);
+  ASSERT_EQ(robot.update(testing_support::bent_arm(), icat::Pose<double>::Identity()), Status::ok);
+  const icat::FrameId hand = robot.frame("tool");
+  const icat::Pose<double> begin = robot.pose(hand);
+  icat::task::JointLimits<Uvms> joints(robot);
+  icat::task::FramePose<Uvms> tool(robot, hand, begin, {.gain = 3});
+  const icat::MotionLimits<Uvms> limits(robot, {.max_velocity = 1,
+                                                .max_acceleration = 2,
+                                                .base_velocity = std::vector<double>(6, 0.3),
+                                                .base_acceleration = std::vector<double>(6, 0.05)});
+  icat::Controller<Uvms> controller(robot, {{"follow", {{joints}, {tool}}}}, {.limits = limits});
+  ASSERT_EQ(controller.start("follow", 0), Status::ok);
+  icat::Vector<double, 13> last = icat::Vector<double, 13>::Zero();
+  double error = 0, base_step = 0;
+  for (int k = 0; k < 2000; ++k) {
+    const double t = 0.01 * k;
+    icat::Vector6<double> velocity = icat::Vector6<double>::Zero();
+    velocity(0) = -0.1 * std::sin(t);
+    const icat::Pose<double> goal = testing_support::moved(begin, 0.1 * (std::cos(t) - 1), 0, 0);
+    if (k % 10 == 0) {
+      ASSERT_EQ(tool.set_goal(goal, velocity), Status::ok);
+    }
+    ASSERT_EQ(controller.step(t), Status::ok);
+    const icat::Vector<double, 13> step = (controller.command() - last).cwiseAbs();
+    EXPECT_LE(step.head<7>().maxCoeff(), 2 * 0.01 + 1e-12);
+    EXPECT_LE(step.tail<6>().maxCoeff(), 0.05 * 0.01 + 1e-12);
+    base_step = std::max(base_step, step.tail<6>().maxCoeff());
+    last = controller.command();
+    ASSERT_EQ(testing_support::drive(robot, controller.velocity(), 0.01), Status::ok);
+    if (k > 300) {
+      error = std::max(error, (robot.pose(hand).translation() - goal.translation()).norm());
+    }
+  }
+  // The goal itself is held for 0.1 s at 0.1 m/s. The slow vehicle takes its time; the arm does
+  // not.
+  EXPECT_LT(error, 0.015);
+  EXPECT_GT(base_step, 0.049 * 0.01) << "the vehicle's limit was no difficulty";
+}
+
+TEST(MotionLimits, AreOnByDefaultAndOffByAWord) {
+  Row robot;
+  robot.infos[0].max_velocity = 0.5;
+  icat::task::JointPosition<Row> there(robot, Vector3(2, 0, 0), {.gain = 1});
+  const std::vector<icat::Action<Row>> actions{{"go", {{there}}}};
+  icat::Controller<Row> limited(robot, actions), free(robot, actions, {.limits = icat::unlimited});
+  for (auto* c : {&limited, &free}) {
+    ASSERT_EQ(c->start("go", 0), Status::ok);
+    ASSERT_EQ(c->step(0), Status::ok);
+  }
+  EXPECT_NEAR(limited.command()(0), 0.5, 1e-12);
+  EXPECT_NEAR(free.command()(0), 2, 1e-9);
+  // The solver gets the box, so the answer is within it already.
+  EXPECT_FALSE(limited.limited());
+  EXPECT_LT(limited.report().levels()[0].saturation_scale, 1);
+}
+
 }  // namespace

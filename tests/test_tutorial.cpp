@@ -186,4 +186,38 @@ TEST(Tutorial, TheToolStaysAboveTheSeabed) {
   EXPECT_GT(controller.report().levels()[1].tracking_error, 0.01);
 }
 
+TEST(Tutorial, ALoopWithDelayWithinLimits) {
+  icat::KinematicTree<double, 7> robot({.joints = icat::axes_chain(icat::maris_arm<double>())});
+  const icat::FrameId tool = robot.frame("end_effector");
+  ASSERT_EQ(robot.update(shape()), icat::Status::ok);
+  icat::Pose<double> goal = robot.pose(tool);
+  goal.translation() += icat::Vector3<double>(0.1, 0.1, -0.1);
+  icat::task::JointLimits joints(robot);
+  icat::task::FramePose reach(robot, tool, goal, {.gain = 2.0});
+  const std::vector<icat::Action<decltype(robot)>> actions{{"reach", {{joints}, {reach}}}};
+  //! [limits]
+  const icat::MotionLimits limits(robot, {.reaction_time = 0.04, .max_acceleration = 2});
+  icat::Controller controller(robot, actions, {.limits = limits});  // reaction: period and delay
+  icat::StatePredictor predictor(robot, {.delay = 0.03});           // s: age of what arrives
+  //! [limits]
+  icat::Vector<double, 7> q = shape(), last = icat::Vector<double, 7>::Zero();
+  std::vector<icat::Vector<double, 7>> arriving(3, q);  // 30 ms under way
+  ASSERT_EQ(controller.switch_to("reach", 0, 1), icat::Status::ok);
+  for (double t = 0; t < 10; t += 0.01) {
+    const icat::Vector<double, 7> q_measured = arriving.front();
+    //! [delayed cycle]
+    icat::Status status = robot.update(predictor.predict(q_measured, t));
+    if (status == icat::Status::ok) status = controller.step(t);
+    if (status == icat::Status::ok) status = predictor.command(controller.velocity(), t);
+    //! [delayed cycle]
+    ASSERT_EQ(status, icat::Status::ok);
+    EXPECT_LE((controller.command() - last).cwiseAbs().maxCoeff(), 2 * 0.01 + 1e-12);
+    last = controller.command();
+    q += 0.01 * last;
+    arriving.erase(arriving.begin());
+    arriving.push_back(q);
+  }
+  EXPECT_LT((goal.translation() - robot.pose(tool).translation()).norm(), 1e-4);
+}
+
 }  // namespace

@@ -94,7 +94,9 @@ class MotionLimits {
     box(false, cycle);
   }
 
-  /// The part of the boxes that holds 0: bounds for a solver.
+  /// Bounds for a solver, which always hold 0: position and velocity of the joints. What the last
+  /// command leaves of them is no business of a solver's: a joint that cannot turn round at once
+  /// would stop the whole level. Neither are the base's limits: a slow base must not slow the arm.
   const VelocityBounds<Scalar, R::size>& bounds() const noexcept { return bounds_; }
   /// l, n.
   const Velocity& lower() const noexcept { return lower_; }
@@ -268,6 +270,10 @@ class MotionLimits {
       column.brakes = last > highest || last < lowest;
       lower_(c) = lowest;
       upper_(c) = highest;
+      if (!base) {
+        bounds_.lower(c) = lowest;
+        bounds_.upper(c) = highest;
+      }
       if (a < infinity<Scalar>) {
         const Scalar gain = a * static_cast<Scalar>(cycle.step);
         const Scalar loss = a * static_cast<Scalar>(cycle.usual);
@@ -277,8 +283,6 @@ class MotionLimits {
         lower_(c) = std::clamp(lowest, from, to);
         upper_(c) = std::clamp(highest, from, to);
       }
-      bounds_.lower(c) = std::min(lower_(c), Scalar(0));
-      bounds_.upper(c) = std::max(upper_(c), Scalar(0));
     }
   }
 
