@@ -78,12 +78,7 @@ class KinematicTree {
   /// The frame of a link, or one that was added.
   /// @throws std::invalid_argument with the names there are.
   [[gnu::cold]] FrameId frame(std::string_view name) const {
-    for (std::size_t i = 0; i < frames_.size(); ++i) {
-      if (frames_[i].name == name) return FrameId(static_cast<Index>(i));
-    }
-    std::vector<std::string> names;
-    for (const Frame& f : frames_) names.push_back(f.name);
-    detail::invalid("no frame '", name, "'; there are ", detail::listed(names));
+    return FrameId(detail::look_up(frames_, name, "frame"));
   }
   /// Number of frames: the root, the other links, each after its parent, and those added.
   Index frame_count() const noexcept { return static_cast<Index>(frames_.size()); }
@@ -92,8 +87,8 @@ class KinematicTree {
   /// A frame with the pose `pose` in the frame `parent`, on whose link it sits.
   /// @throws std::invalid_argument on a name that there is, or a pose that is none. Allocates.
   [[gnu::cold]] FrameId add_frame(std::string name, FrameId parent, const Pose<Scalar>& pose) {
-    for (const Frame& f : frames_) {
-      if (f.name == name) detail::invalid("KinematicTree: there is a frame '", name, "' already");
+    if (detail::index_of(frames_, name) >= 0) {
+      detail::invalid("KinematicTree: there is a frame '", name, "' already");
     }
     if (!is_rigid(pose)) {
       detail::invalid("KinematicTree: the pose of frame '", name,

@@ -153,20 +153,34 @@ template <class Names>
   return text;
 }
 
-template <JointedRobot R>
-[[gnu::cold]] std::vector<std::string> joint_names(const R& robot) {
+/// Which of `items`, frames or joints, is called `name`; −1 where there is none. No allocation.
+template <class Items>
+Index index_of(const Items& items, std::string_view name) noexcept {
+  Index i = 0;
+  for (const auto& item : items) {
+    if (item.name == name) return i;
+    ++i;
+  }
+  return -1;
+}
+/// The same; `what` they are and `owner` are for the error.
+/// @throws std::invalid_argument with the names there are.
+template <class Items>
+[[gnu::cold]] Index look_up(const Items& items, std::string_view name, const char* what,
+                            std::string_view owner = "") {
+  const Index i = index_of(items, name);
+  if (i >= 0) return i;
   std::vector<std::string> names;
-  for (const auto& joint : robot.joints()) names.emplace_back(joint.name);
-  return names;
+  for (const auto& item : items) names.emplace_back(item.name);
+  invalid(owner, owner.empty() ? "" : ": ", "no ", what, " '", name, "'; there are ",
+          listed(names));
 }
 
 /// The column of the joint called `name`; −1 where there is none. No allocation.
 template <JointedRobot R>
 Index column_of(const R& robot, std::string_view name) noexcept {
-  for (const auto& joint : robot.joints()) {
-    if (joint.name == name) return joint.column;
-  }
-  return -1;
+  const Index i = index_of(robot.joints(), name);
+  return i < 0 ? i : robot.joints()[static_cast<std::size_t>(i)].column;
 }
 
 /// @throws std::invalid_argument on a column that is not the robot's, or one that stands twice.
@@ -190,13 +204,7 @@ Index column_of(const R& robot, std::string_view name) noexcept {
 template <JointedRobot R>
 [[gnu::cold]] Index joint_index(const R& robot, std::string_view name,
                                 std::string_view owner = "") {
-  Index i = 0;
-  for (const auto& joint : robot.joints()) {
-    if (joint.name == name) return i;
-    ++i;
-  }
-  detail::invalid(owner, owner.empty() ? "" : ": ", "no joint '", name, "'; there are ",
-                  detail::listed(detail::joint_names(robot)));
+  return detail::look_up(robot.joints(), name, "joint", owner);
 }
 
 /// The indices of the joints called `names`; `owner` begins the error. For configuration.
