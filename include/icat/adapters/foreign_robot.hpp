@@ -51,7 +51,7 @@ class ForeignRobot {
   /// The frame called `name`.
   /// @throws std::invalid_argument with the names there are.
   [[gnu::cold]] FrameId frame(std::string_view name) const {
-    return FrameId(detail::look_up(frames_, name, "frame"));
+    return FrameId(detail::look_up(frames_, name, "frame"), name);
   }
   /// Number of frames.
   Index frame_count() const noexcept { return static_cast<Index>(frames_.size()); }
