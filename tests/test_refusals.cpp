@@ -65,6 +65,60 @@ TEST(Refusals, WithoutMassesThereIsNoCenterOfMass) {
   expect_error(error_of([&] { task::CenterOfMass<Tree>(robot, Vector3(0, 0, 1)); }), "no masses");
 }
 
+// Every task of frames, and the tree itself, notices a frame that was looked up elsewhere: beyond
+// the last one, or another in its place.
+TEST(Refusals, FramesOfAnotherRobot) {
+  Tree robot({.joints = chain(3)});
+  Tree longer({.joints = chain(5)});
+  auto renamed = chain(3);
+  renamed[2].link = "gripper";
+  Tree other({.joints = renamed});
+  const icat::FrameId tip = robot.frame("link3");
+  const icat::Pose<double> pose = icat::IdentityPose{};
+  const auto objective = Objective::at_least(0.1, 0.1);
+  const auto body = [](icat::FrameId frame) {
+    return icat::CollisionBody<double>::sphere(frame, Vector3(0, 0, 0), 0.1);
+  };
+  const std::vector<icat::Obstacle<double>> obstacles{
+      icat::Obstacle<double>::sphere(Vector3(9, 0, 0), 0.1)};
+  for (const icat::FrameId bad :
+       {longer.frame("link5"), other.frame("gripper"), icat::FrameId(-1), icat::FrameId(4)}) {
+    SCOPED_TRACE(bad.index());
+    const auto refused = [&](const char* name, auto&& make) {
+      EXPECT_EQ(error_of(make),
+                "task '" + std::string(name) + "': the frame was looked up in another robot");
+    };
+    refused("frame pose", [&] { task::FramePose<Tree>(robot, bad, pose); });
+    refused("x",
+            [&] { task::FramePose<Tree>(robot, tip, pose, {.name = "x", .relative_to = bad}); });
+    refused("frame position", [&] { task::FramePosition<Tree>(robot, bad, Vector3(0, 0, 1)); });
+    refused("frame orientation",
+            [&] { task::FrameOrientation<Tree>(robot, bad, icat::Matrix3<double>::Identity()); });
+    refused("frame velocity", [&] { task::FrameVelocity<Tree>(robot, bad); });
+    refused("attitude", [&] { task::Attitude<Tree>(robot, bad); });
+    refused("look at", [&] { task::LookAt<Tree>(robot, bad, Vector3(9, 0, 1)); });
+    refused("look at", [&] { task::LookAt<Tree>(robot, tip, bad); });
+    refused("occlusion", [&] { task::Occlusion<Tree>(robot, bad, tip, objective); });
+    refused("frame distance",
+            [&] { task::FrameDistance<Tree>(robot, bad, Vector3(9, 0, 1), objective); });
+    refused("frame distance", [&] { task::FrameDistance<Tree>(robot, tip, bad, objective); });
+    refused("manipulability", [&] { task::Manipulability<Tree>(robot, bad, objective); });
+    refused("clearance", [&] { task::Clearance<Tree>(robot, {body(bad)}, obstacles, objective); });
+    refused("self clearance", [&] {
+      task::SelfClearance<Tree>(robot, {body(tip), body(bad)}, {{0, 1}}, objective);
+    });
+    EXPECT_EQ(error_of([&] { robot.add_frame("tool", bad, pose); }),
+              "KinematicTree: the parent of frame 'tool' was looked up in another robot");
+  }
+  const icat::FrameId tool = robot.add_frame("tool", tip, pose);
+  EXPECT_EQ(robot.set_frame(tool, other.frame("gripper"), pose), icat::Status::out_of_range);
+  EXPECT_EQ(robot.set_frame(longer.frame("link4"), tip, pose), icat::Status::out_of_range);
+  // The same name in the same place means the same, and a number alone is taken as it is.
+  task::Attitude<Tree> same(robot, longer.frame("link3"));
+  task::Attitude<Tree> number(robot, icat::FrameId(3));
+  EXPECT_EQ(tool, icat::FrameId(4));
+}
+
 TEST(Refusals, TasksOfAFrameAndItself) {
   const Tree robot({.joints = chain(3), .base = icat::Base<double>::free()});
   const icat::FrameId tip = robot.frame("link3");

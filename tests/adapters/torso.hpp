@@ -175,6 +175,11 @@ void expect_refusals_and_no_allocation(R& robot) {
   ASSERT_EQ(robot.update(s[0].q, s[0].base), Status::ok);
   const icat::FrameId tip = robot.frame("left_tip");
   const Eigen::Matrix4d before = robot.pose(tip).matrix();
+  for (const icat::FrameId other :
+       {icat::FrameId(tip.index(), "elsewhere"), icat::FrameId(robot.frame_count())}) {
+    EXPECT_THROW(icat::task::Attitude<R>(robot, other), std::invalid_argument);
+  }
+  EXPECT_NO_THROW(icat::task::Attitude<R>(robot, tip));
   Eigen::VectorXd bad = s[1].q;
   for (const double number : {std::nan(""), icat::infinity<double>}) {
     bad(2) = number;

@@ -51,12 +51,7 @@ class ForeignRobot {
   /// The frame called `name`.
   /// @throws std::invalid_argument with the names there are.
   [[gnu::cold]] FrameId frame(std::string_view name) const {
-    std::vector<std::string> names;
-    for (const Frame& f : frames_) {
-      if (f.name == name) return FrameId(static_cast<Index>(names.size()));
-      names.push_back(f.name);
-    }
-    detail::invalid("no frame '", name, "'; there are ", detail::listed(names));
+    return FrameId(detail::look_up(frames_, name, "frame"), name);
   }
   /// Number of frames.
   Index frame_count() const noexcept { return static_cast<Index>(frames_.size()); }
@@ -105,17 +100,15 @@ class ForeignRobot {
 
   /// Whether `name` was free; if not, nothing is added.
   [[gnu::cold]] bool add_frame(std::string name) {
-    for (const Frame& f : frames_) {
-      if (f.name == name) return false;
-    }
+    if (detail::index_of(frames_, name) >= 0) return false;
     frames_.push_back({std::move(name), {}, 0});
     return true;
   }
   /// A joint, `info.column` as well.
   /// @throws std::invalid_argument on a name that stands twice, and limits that are out of order.
   [[gnu::cold]] void add_joint(JointInfo<Scalar> info) {
-    for (const auto& other : joints_) {
-      if (other.name == info.name) detail::invalid("two joints are called '", info.name, "'");
+    if (detail::index_of(joints_, info.name) >= 0) {
+      detail::invalid("two joints are called '", info.name, "'");
     }
     check(info);
     joints_.push_back(std::move(info));

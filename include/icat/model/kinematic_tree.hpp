@@ -78,37 +78,40 @@ class KinematicTree {
   /// The frame of a link, or one that was added.
   /// @throws std::invalid_argument with the names there are.
   [[gnu::cold]] FrameId frame(std::string_view name) const {
-    for (std::size_t i = 0; i < frames_.size(); ++i) {
-      if (frames_[i].name == name) return FrameId(static_cast<Index>(i));
-    }
-    std::vector<std::string> names;
-    for (const Frame& f : frames_) names.push_back(f.name);
-    detail::invalid("no frame '", name, "'; there are ", detail::listed(names));
+    return FrameId(detail::look_up(frames_, name, "frame"), name);
   }
   /// Number of frames: the root, the other links, each after its parent, and those added.
   Index frame_count() const noexcept { return static_cast<Index>(frames_.size()); }
   /// As given.
   const std::string& frame_name(FrameId frame) const noexcept { return at(frame).name; }
   /// A frame with the pose `pose` in the frame `parent`, on whose link it sits.
-  /// @throws std::invalid_argument on a name that there is, or a pose that is none. Allocates.
+  /// @throws std::invalid_argument on a name that there is, a pose that is none, or a parent of
+  ///         another robot. Allocates.
   [[gnu::cold]] FrameId add_frame(std::string name, FrameId parent, const Pose<Scalar>& pose) {
-    for (const Frame& f : frames_) {
-      if (f.name == name) detail::invalid("KinematicTree: there is a frame '", name, "' already");
+    if (detail::index_of(frames_, name) >= 0) {
+      detail::invalid("KinematicTree: there is a frame '", name, "' already");
     }
     if (!is_rigid(pose)) {
       detail::invalid("KinematicTree: the pose of frame '", name,
                       "' is not finite or not a rotation");
     }
+    if (!detail::may_have(*this, parent)) {
+      detail::invalid("KinematicTree: the parent of frame '", name,
+                      "' was looked up in another robot");
+    }
     const Index body = at(parent).body;
     Pose<Scalar> in_body = detail::compose(at(parent).pose, pose);
     frames_.push_back({std::move(name), body, in_body, true, detail::zeros<Jacobian>(6, dof_), 0});
-    return FrameId(frame_count() - 1);
+    return FrameId(frame_count() - 1, frames_.back().name);
   }
   /// Moves a frame to the pose `pose` in the frame `parent`, on whose link it sits from now on: a
   /// tool that became another, or the frame of an object that was just grasped. Only frames that
   /// were added and links on fixed joints can be moved; a pose that is not finite or no rotation is
-  /// refused. No allocation.
+  /// refused, and so are frames of another robot. No allocation.
   Status set_frame(FrameId frame, FrameId parent, const Pose<Scalar>& pose) noexcept {
+    if (!detail::may_have(*this, frame) || !detail::may_have(*this, parent)) {
+      return Status::out_of_range;
+    }
     if (!at(frame).fixed) return Status::out_of_range;
     if (!detail::all_finite(pose.matrix())) return Status::non_finite;
     if (!is_rigid(pose)) return Status::not_a_rotation;

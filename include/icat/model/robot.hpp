@@ -12,6 +12,7 @@
 #pragma once
 
 #include <concepts>
+#include <cstdint>
 #include <initializer_list>
 #include <limits>
 #include <string>
@@ -30,13 +31,28 @@ class FrameId {
  public:
   /// For robots: the `index`-th of their frames.
   constexpr explicit FrameId(Index index) noexcept : index_(index) {}
+  /// The same, called `name`: a task of a robot that has another frame in this place refuses it.
+  constexpr FrameId(Index index, std::string_view name) noexcept
+      : index_(index), mark_(mark_of(name)) {}
   /// As given at construction.
   constexpr Index index() const noexcept { return index_; }
-  /// The same frame of the same robot.
-  friend constexpr bool operator==(FrameId, FrameId) noexcept = default;
+  /// Whether it may be a frame called `name`; true where it was made without a name.
+  constexpr bool may_be(std::string_view name) const noexcept {
+    return mark_ == 0 || mark_ == mark_of(name);
+  }
+  /// The same frame, both of one robot.
+  friend constexpr bool operator==(FrameId a, FrameId b) noexcept { return a.index_ == b.index_; }
 
  private:
+  // FNV-1a, which is 0 for one name of four billion.
+  static constexpr std::uint32_t mark_of(std::string_view name) noexcept {
+    std::uint32_t mark = 2166136261u;
+    for (const char c : name) mark = (mark ^ static_cast<unsigned char>(c)) * 16777619u;
+    return mark;
+  }
+
   Index index_;
+  std::uint32_t mark_{0};
 };
 
 /// Columns `first`, `first` + 1, … of ẏ.
@@ -155,20 +171,53 @@ template <class Names>
   return text;
 }
 
-template <JointedRobot R>
-[[gnu::cold]] std::vector<std::string> joint_names(const R& robot) {
+/// Which of `items`, frames or joints, is called `name`; −1 where there is none. No allocation.
+template <class Items>
+Index index_of(const Items& items, std::string_view name) noexcept {
+  Index i = 0;
+  for (const auto& item : items) {
+    if (item.name == name) return i;
+    ++i;
+  }
+  return -1;
+}
+/// The same; `what` they are and `owner` are for the error.
+/// @throws std::invalid_argument with the names there are.
+template <class Items>
+[[gnu::cold]] Index look_up(const Items& items, std::string_view name, const char* what,
+                            std::string_view owner = "") {
+  const Index i = index_of(items, name);
+  if (i >= 0) return i;
   std::vector<std::string> names;
-  for (const auto& joint : robot.joints()) names.emplace_back(joint.name);
-  return names;
+  for (const auto& item : items) names.emplace_back(item.name);
+  invalid(owner, owner.empty() ? "" : ": ", "no ", what, " '", name, "'; there are ",
+          listed(names));
 }
 
 /// The column of the joint called `name`; −1 where there is none. No allocation.
 template <JointedRobot R>
 Index column_of(const R& robot, std::string_view name) noexcept {
-  for (const auto& joint : robot.joints()) {
-    if (joint.name == name) return joint.column;
+  const Index i = index_of(robot.joints(), name);
+  return i < 0 ? i : robot.joints()[static_cast<std::size_t>(i)].column;
+}
+
+/// Whether `frame` may be one of the robot's. Only a robot that counts and names its frames can say
+/// no: it has not so many, or another in this place. No allocation.
+template <FramedRobot R>
+bool may_have(const R& robot, FrameId frame) noexcept {
+  if constexpr (requires { FrameId(robot.frame_count(), robot.frame_name(frame)); }) {
+    return frame.index() >= 0 && frame.index() < robot.frame_count() &&
+           frame.may_be(robot.frame_name(frame));
+  } else {
+    return true;
   }
-  return -1;
+}
+/// @throws std::invalid_argument with the `task`'s name unless the robot may have the frame.
+template <FramedRobot R>
+[[gnu::cold]] void check_frame(const R& robot, FrameId frame, std::string_view task) {
+  if (!may_have(robot, frame)) {
+    invalid("task '", task, "': the frame was looked up in another robot");
+  }
 }
 
 /// @throws std::invalid_argument on a column that is not the robot's, or one that stands twice.
@@ -192,13 +241,7 @@ Index column_of(const R& robot, std::string_view name) noexcept {
 template <JointedRobot R>
 [[gnu::cold]] Index joint_index(const R& robot, std::string_view name,
                                 std::string_view owner = "") {
-  Index i = 0;
-  for (const auto& joint : robot.joints()) {
-    if (joint.name == name) return i;
-    ++i;
-  }
-  detail::invalid(owner, owner.empty() ? "" : ": ", "no joint '", name, "'; there are ",
-                  detail::listed(detail::joint_names(robot)));
+  return detail::look_up(robot.joints(), name, "joint", owner);
 }
 
 /// The indices of the joints called `names`; `owner` begins the error. For configuration.

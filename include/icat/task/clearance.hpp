@@ -99,6 +99,7 @@ class ClearanceTask : public ReactiveTask<R> {
       invalid("task '", this->name(), "': bulge must be in (0, 1], got ", bulge_);
     }
     for (std::size_t i = 0; i < bodies_.size(); ++i) {
+      this->require_frame(bodies_[i].frame);
       require("body", static_cast<Index>(i), check(bodies_[i].shape));
       placed_.push_back(bodies_[i].shape);
     }

@@ -68,6 +68,7 @@ class DirectionTask : public ReactiveTask<R> {
         frame_(frame),
         norm_(norm),
         max_rate_(max_rate) {
+    this->require_frame(frame);
     this->require_rate("max_rate", max_rate);
     to_z_ = rotation_to_z<Scalar>(this->unit("axis", axis));
   }
@@ -134,6 +135,7 @@ class TargetTask : public DirectionTask<R> {
         target_(target),
         point_(point),
         velocity_(zeros<Vector3<Scalar>>(3)) {
+    if (target) this->require_frame(*target);
     this->require_finite("target", point);
     if (target && *target == frame) {
       invalid("task '", name, "': a frame has no direction to itself");

@@ -66,6 +66,8 @@ class FrameDistance : public ScalarTask<R> {
         other_(other),
         point_(point),
         velocity_(detail::zeros<Vector3<Scalar>>(3)) {
+    this->require_frame(frame);
+    if (other) this->require_frame(*other);
     this->require_finite("point", point);
     if (other && *other == frame) {
       detail::invalid("task '", options.name, "': the distance of a frame to itself");

@@ -159,6 +159,7 @@ class Manipulability : public ScalarTask<R> {
   // Columns of those of `names` that move the frame, in ascending order.
   static std::vector<Index> moving(const R& robot, FrameId frame,
                                    const std::vector<std::string>& names, const std::string& task) {
+    detail::check_frame(robot, frame, task);
     std::vector<Index> columns;
     const auto& J = robot.jacobian(frame);
     const Columns wanted =

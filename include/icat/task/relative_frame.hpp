@@ -22,10 +22,13 @@ class RelativeFrame {
   using Jacobian = Eigen::Matrix<Scalar, 6, R::size>;
 
   /// Allocates for robots of a size known at run time only; nothing else does.
-  /// @throws std::invalid_argument with the `task`'s name where a frame is its own reference.
+  /// @throws std::invalid_argument with the `task`'s name where a frame is its own reference, or
+  ///         another robot's.
   [[gnu::cold]] RelativeFrame(const R& robot, FrameId frame, std::optional<FrameId> reference,
                               const std::string& task)
       : frame_(frame), reference_(reference), jacobian_(zeros<Jacobian>(6, robot.dof())) {
+    check_frame(robot, frame, task);
+    if (reference) check_frame(robot, *reference, task);
     if (reference && *reference == frame) {
       invalid("task '", task, "': a frame cannot be relative to itself");
     }

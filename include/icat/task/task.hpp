@@ -83,6 +83,11 @@ class Task {
       detail::invalid("task '", name_, "': the ", what, " is not finite");
     }
   }
+  /// @throws std::invalid_argument with this task's name where `frame` is another robot's, see
+  ///         `FrameId`.
+  void require_frame(FrameId frame) const requires FramedRobot<R> {
+    detail::check_frame(robot_, frame, name_);
+  }
   /// No row counts: there is no direction to move in.
   void deactivate() noexcept {
     detail::fill(jacobian_, Scalar(0));
