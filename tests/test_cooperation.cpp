@@ -161,9 +161,11 @@ TEST(Fusion, SpanIntersection) {
     last = v;
   }
   EXPECT_NEAR(last(2), a(2), 1e-12);
+  EXPECT_EQ(intersection.status(), Status::ok);
   // Bad input.
   spans[0](0, 0) = NAN;
   EXPECT_EQ(intersection.nearest(mean, {said, spans, {}}), Vector6::Zero());
+  EXPECT_EQ(intersection.status(), Status::non_finite);
 }
 
 // --- agreement -----------------------------------------------------------------------------------
@@ -537,6 +539,41 @@ TEST(AgreementRounds, AgentsThatCountApartMeetAgain) {
   Line line;
   for (auto& agent : line.agents) (void)agent->send(Agreement::largest_round - 3);
   EXPECT_LE(line.rounds_to_heal(), line.bound());
+}
+
+// A later round that another agent has begun is joined at once.
+TEST(AgreementRounds, WhoMissedCyclesJoinsTheOthers) {
+  Line line;
+  for (int k = 0; k < 20; ++k) line.round();
+  Agreement &a = *line.agents[0], &b = *line.agents[1];
+  const long long begun = a.next_round() + 3;
+  for (long long round = a.next_round(); round <= begun; ++round) {
+    const auto bytes = a.send(round);
+    EXPECT_EQ(b.receive(0, round, bytes), Status::ok);
+  }
+  EXPECT_EQ(b.next_round(), begun);
+  EXPECT_EQ(a.receive(1, begun, b.send(b.next_round())), Status::ok);
+  for (Agreement* agent : {&a, &b}) {
+    (void)agent->update(1);
+    EXPECT_TRUE(agent->agreed());
+  }
+  EXPECT_EQ(b.next_round(), begun + 1);
+}
+
+// What was put aside before the first round of its own does not stand in the way later.
+TEST(AgreementRounds, AnAgentThatStartsLateForgetsWhatIsOutOfReach) {
+  Agreement a(Options{.fade = 0.01}), b(Options{.index = 1});
+  const std::array<std::byte, 24> zeros{};
+  for (int k = 0; k < 8; ++k) EXPECT_EQ(a.receive(1, (1LL << 40) + 10 * k + k, zeros), Status::ok);
+  ASSERT_EQ(a.propose(twist(0.1, 0, 0), Vector6::Zero()), Status::ok);
+  ASSERT_EQ(b.propose(twist(0.1, 0, 0), Vector6::Zero()), Status::ok);
+  for (int k = 0; k < 8; ++k) {
+    (void)a.send(k);
+    EXPECT_EQ(a.receive(1, k, b.send(k)), Status::ok);
+    EXPECT_EQ(a.receive(1, k, b.send(k)), Status::ok);
+    (void)a.update(2 * k);
+    EXPECT_TRUE(a.agreed()) << k;  // held for 1 s: each round anew
+  }
 }
 
 // Five agents, of which two have counted elsewhere.
