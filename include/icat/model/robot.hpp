@@ -145,18 +145,21 @@ class Columns {
 
 namespace detail {
 
-/// "'a', 'b', 'c'", for messages.
+/// Makes "'a', 'b', 'c'" of it, for messages.
+[[gnu::cold]] inline void append_name(std::string& list, std::string_view name) {
+  list.append(list.empty() ? "'" : ", '").append(name).append("'");
+}
 template <class Names>
 [[gnu::cold]] std::string listed(const Names& names) {
   std::string text;
-  for (const auto& name : names) text.append(text.empty() ? "'" : ", '").append(name).append("'");
+  for (const auto& name : names) append_name(text, name);
   return text;
 }
 
 template <JointedRobot R>
-[[gnu::cold]] std::vector<std::string> joint_names(const R& robot) {
-  std::vector<std::string> names;
-  for (const auto& joint : robot.joints()) names.emplace_back(joint.name);
+[[gnu::cold]] std::string joint_names(const R& robot) {
+  std::string names;
+  for (const auto& joint : robot.joints()) append_name(names, joint.name);
   return names;
 }
 
@@ -196,7 +199,7 @@ template <JointedRobot R>
     ++i;
   }
   detail::invalid(owner, owner.empty() ? "" : ": ", "no joint '", name, "'; there are ",
-                  detail::listed(detail::joint_names(robot)));
+                  detail::joint_names(robot));
 }
 
 /// The indices of the joints called `names`; `owner` begins the error. For configuration.
