@@ -43,8 +43,7 @@ struct LockedJoint {
 template <class Scalar>
 struct UrdfOptions {
   Base<Scalar> base{};  ///< what the root link can do; fixed by default
-  std::vector<LockedJoint<Scalar>> locked =
-      std::initializer_list<LockedJoint<Scalar>>{};  ///< they and their mimics become fixed
+  std::vector<LockedJoint<Scalar>> locked = EmptyList{};  ///< they and their mimics become fixed
 };
 
 namespace detail {

@@ -21,13 +21,13 @@ its bounds on rounding errors depend on the order of the sums"
 
 #include <Eigen/Core>
 #include <limits>
+#include <vector>
 
 namespace icat {
 
 /// No limit. A constant instead of a call: GCC 12 stops with an internal error where a class member
 /// is initialised from bare braces and a default inside them calls a function, or a constructor
-/// whose `noexcept` it has to work out. So no default in the library does either; a vector that is
-/// empty by default begins as an empty `std::initializer_list`.
+/// whose `noexcept` it has to work out. So no default in the library does either.
 template <class Scalar>
 inline constexpr Scalar infinity = std::numeric_limits<Scalar>::infinity();
 
@@ -105,6 +105,15 @@ struct IdentityMatrix {
     Eigen::Matrix<Scalar, N, N> m;
     detail::set_identity(m);
     return m;
+  }
+};
+
+/// No elements, as a default of a member like `Filled`.
+struct EmptyList {
+  /// As a vector.
+  template <class T>
+  operator std::vector<T>() const {  // NOLINT: converts on purpose
+    return std::vector<T>();
   }
 };
 

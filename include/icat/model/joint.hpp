@@ -74,6 +74,20 @@ struct DhRow {
   Scalar upper{infinity<Scalar>};       ///< rad or m
 };
 
+namespace detail {
+
+/// The `number`-th of a chain, which `parent` carries.
+template <class Scalar>
+[[gnu::cold]] void name_in_chain(Joint<Scalar>& joint, std::size_t number,
+                                 const std::string& parent, const std::string& prefix) {
+  const std::string text = std::to_string(number);
+  joint.name.append(prefix).append("joint").append(text);
+  joint.link.append(prefix).append("link").append(text);
+  joint.parent = parent;
+}
+
+}  // namespace detail
+
 /// Joints "joint1", …, links "link1", …, all with `prefix` before their names, on the link `root`.
 /// Allocates.
 template <class Scalar>
@@ -83,15 +97,16 @@ template <class Scalar>
                                                   const std::string& prefix = "") {
   const Vector3<Scalar> x(Scalar(1), Scalar(0), Scalar(0)), z(Scalar(0), Scalar(0), Scalar(1));
   const Vector3<Scalar> none(Scalar(0), Scalar(0), Scalar(0));
-  std::vector<Joint<Scalar>> joints;
-  std::string parent = root;
-  for (const DhRow<Scalar>& row : rows) {
-    const std::string number = std::to_string(joints.size() + 1);
+  std::vector<Joint<Scalar>> joints(rows.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const DhRow<Scalar>& row = rows[i];
     const Pose<Scalar> along_z =
         detail::make_pose(axis_rotation<Scalar>(z, row.theta), detail::scaled<Scalar>(z, row.d));
     const Pose<Scalar> along_x =
         detail::make_pose(axis_rotation<Scalar>(x, row.alpha), detail::scaled<Scalar>(x, row.a));
-    Joint<Scalar> joint{prefix + "joint" + number, parent, prefix + "link" + number, row.type};
+    Joint<Scalar>& joint = joints[i];
+    detail::name_in_chain(joint, i + 1, i == 0 ? root : joints[i - 1].link, prefix);
+    joint.type = row.type;
     if (convention == DhConvention::standard) {
       joint.link_pose = detail::compose(along_z, along_x);
     } else {
@@ -99,8 +114,6 @@ template <class Scalar>
     }
     joint.lower = row.lower;
     joint.upper = row.upper;
-    parent = joint.link;
-    joints.push_back(std::move(joint));
   }
   return joints;
 }
@@ -122,6 +135,39 @@ struct SerialArm {
   Pose<Scalar> end_effector = IdentityPose{};  ///< ⟨e⟩ in the base at q = 0
 };
 
+namespace detail {
+
+/// `axes_chain` with room behind it for the joints of a larger robot.
+template <class Scalar, int Dof>
+[[gnu::cold]] std::vector<Joint<Scalar>> axes_chain(const SerialArm<Scalar, Dof>& arm,
+                                                    const std::string& root,
+                                                    const std::string& prefix, std::size_t more) {
+  const Matrix3<Scalar> parallel = identity<Matrix3<Scalar>>(3);
+  Vector3<Scalar> before(Scalar(0), Scalar(0), Scalar(0));
+  std::vector<Joint<Scalar>> joints(arm.joints.size() + 1 + more);
+  std::size_t i = 0;
+  for (const JointAxis<Scalar>& at : arm.joints) {
+    Joint<Scalar>& joint = joints[i];
+    name_in_chain(joint, i + 1, i == 0 ? root : joints[i - 1].link, prefix);
+    ++i;
+    joint.type = at.type;
+    joint.origin = make_pose(parallel, minus(at.point, before));
+    joint.axis = at.axis;
+    joint.lower = at.lower;
+    joint.upper = at.upper;
+    before = at.point;
+  }
+  Joint<Scalar>& tip = joints[i];
+  tip.name.append(prefix).append("end_effector");
+  tip.link = tip.name;
+  tip.parent = i == 0 ? root : joints[i - 1].link;
+  tip.type = JointType::fixed;
+  tip.origin = make_pose(rotation(arm.end_effector), minus(origin(arm.end_effector), before));
+  return joints;
+}
+
+}  // namespace detail
+
 /// Joints "joint1", …, links "link1", …, all with `prefix` before their names, on the link `root`.
 /// At q = 0 every link's frame is parallel to the root's, its origin the point of its joint. The
 /// last one is "end_effector", fixed. Allocates.
@@ -129,27 +175,7 @@ template <class Scalar, int Dof>
 [[gnu::cold]] std::vector<Joint<Scalar>> axes_chain(const SerialArm<Scalar, Dof>& arm,
                                                     const std::string& root = "base",
                                                     const std::string& prefix = "") {
-  const Matrix3<Scalar> parallel = detail::identity<Matrix3<Scalar>>(3);
-  std::vector<Joint<Scalar>> joints;
-  Vector3<Scalar> before(Scalar(0), Scalar(0), Scalar(0));
-  std::string parent = root;
-  for (const JointAxis<Scalar>& at : arm.joints) {
-    const std::string number = std::to_string(joints.size() + 1);
-    Joint<Scalar> joint{prefix + "joint" + number, parent, prefix + "link" + number, at.type};
-    joint.origin = detail::make_pose(parallel, detail::minus(at.point, before));
-    joint.axis = at.axis;
-    joint.lower = at.lower;
-    joint.upper = at.upper;
-    before = at.point;
-    parent = joint.link;
-    joints.push_back(std::move(joint));
-  }
-  const std::string end = prefix + "end_effector";
-  Joint<Scalar> tip{end, parent, end, JointType::fixed};
-  tip.origin = detail::make_pose(detail::rotation(arm.end_effector),
-                                 detail::minus(detail::origin(arm.end_effector), before));
-  joints.push_back(std::move(tip));
-  return joints;
+  return detail::axes_chain(arm, root, prefix, 0);
 }
 
 }  // namespace icat

@@ -43,10 +43,9 @@ class KinematicTree {
 
   /// What the robot is made of.
   struct Description {
-    std::vector<Joint<Scalar>> joints = std::initializer_list<Joint<Scalar>>{};  ///< in any order
-    Base<Scalar> base{};  ///< fixed by default: what the root can do
-    std::vector<LinkMass<Scalar>> masses =
-        std::initializer_list<LinkMass<Scalar>>{};  ///< of some links, or none
+    std::vector<Joint<Scalar>> joints = EmptyList{};     ///< in any order
+    Base<Scalar> base{};                                 ///< fixed by default: what the root can do
+    std::vector<LinkMass<Scalar>> masses = EmptyList{};  ///< of some links, or none
     std::string root = "";  ///< name of the root link; needed only where there are no joints
   };
 
@@ -55,7 +54,12 @@ class KinematicTree {
   ///         fault; names that stand twice; axes not of length 1; limits out of order; poses that
   ///         are none; another number of columns than `N`.
   [[gnu::cold]] explicit KinematicTree(const Description& description)
-      : base_motion_(description.base.motion()), base_twist_(base_motion_) {
+      : base_motion_(description.base.motion()),
+        base_twist_(base_motion_),
+        bodies_(count(description.joints, false) + 1),
+        frames_(description.joints.size() + 1),
+        joints_(count(description.joints, true)),
+        joint_body_(joints_.size()) {
     build(description);
     const Index n = joint_count() + base_motion_.cols();
     if (N != Eigen::Dynamic && n != N) {
@@ -231,12 +235,15 @@ class KinematicTree {
     Pose<Scalar> pose = IdentityPose{};
     Vector3<Scalar> axis{Scalar(0), Scalar(0), Scalar(0)};
     Vector3<Scalar> point{Scalar(0), Scalar(0), Scalar(0)};
+    // Mass and mass × centre of mass of all that it carries, as of `center_of_mass`.
+    mutable Scalar carried_mass{0};
+    mutable Vector3<Scalar> carried_center{Scalar(0), Scalar(0), Scalar(0)};
   };
   struct Frame {
     std::string name;
-    Index body;
-    Pose<Scalar> pose;  // in the body
-    bool fixed;         // to the body by a fixed joint, or added
+    Index body{0};
+    Pose<Scalar> pose = IdentityPose{};  // in the body
+    bool fixed{false};                   // to the body by a fixed joint, or added
     mutable Jacobian jacobian;
     mutable unsigned stamp{0};
   };
@@ -332,26 +339,24 @@ class KinematicTree {
   // The centre of mass and the columns of the joints. From the tips inwards: mass and
   // mass × centre of all that a joint carries.
   void add_carried() const noexcept {
-    for (std::size_t i = 0; i < bodies_.size(); ++i) {
-      const Body& b = bodies_[i];
-      carried_[i].mass = b.mass;
-      carried_[i].center = detail::plus(detail::times(detail::rotation(b.pose), b.mass_center),
-                                        b.mass, detail::origin(b.pose));
+    for (const Body& b : bodies_) {
+      b.carried_mass = b.mass;
+      b.carried_center = detail::plus(detail::times(detail::rotation(b.pose), b.mass_center),
+                                      b.mass, detail::origin(b.pose));
     }
     for (std::size_t i = bodies_.size(); i-- > 1;) {
       const Body& b = bodies_[i];
-      const Carried& c = carried_[i];
       const Vector3<Scalar> linear =
-          b.turns ? detail::cross(b.axis, detail::plus(c.center, -c.mass, b.point))
-                  : detail::scaled(b.axis, c.mass);
+          b.turns ? detail::cross(b.axis, detail::plus(b.carried_center, -b.carried_mass, b.point))
+                  : detail::scaled(b.axis, b.carried_mass);
       for (Index row = 0; row < 3; ++row) {
         center_jacobian_(row, b.column) += b.multiplier * linear(row) / mass_;
       }
-      Carried& parent = carried_[static_cast<std::size_t>(b.parent)];
-      parent.mass += c.mass;
-      parent.center = detail::plus(parent.center, c.center);
+      const Body& parent = body(b.parent);
+      parent.carried_mass += b.carried_mass;
+      parent.carried_center = detail::plus(parent.carried_center, b.carried_center);
     }
-    center_ = detail::scaled(carried_[0].center, Scalar(1) / mass_);
+    center_ = detail::scaled(bodies_[0].carried_center, Scalar(1) / mass_);
   }
 
   [[gnu::cold]] static void check(const Joint<Scalar>& joint) {
@@ -376,22 +381,36 @@ class KinematicTree {
     }
   }
 
+  // Joints that move, or those of them that follow no other.
+  [[gnu::cold]] static std::size_t count(const std::vector<Joint<Scalar>>& joints, bool driven) {
+    std::size_t n = 0;
+    for (const Joint<Scalar>& joint : joints) {
+      if (joint.type != JointType::fixed && !(driven && joint.mimic)) ++n;
+    }
+    return n;
+  }
+
   // The root's name: the one link that nothing moves.
   [[gnu::cold]] static std::string find_root(const Description& description) {
     std::string root = description.root;
-    std::vector<std::string> links, names;
-    for (const auto& joint : description.joints) {
-      if (std::find(links.begin(), links.end(), joint.link) != links.end()) {
-        detail::invalid("KinematicTree: link '", joint.link, "' has two parents");
+    const auto moved = [&](const std::string& link) {
+      for (const Joint<Scalar>& joint : description.joints) {
+        if (joint.link == link) return true;
       }
-      if (std::find(names.begin(), names.end(), joint.name) != names.end()) {
-        detail::invalid("KinematicTree: two joints are called '", joint.name, "'");
+      return false;
+    };
+    for (const Joint<Scalar>& joint : description.joints) {
+      for (const Joint<Scalar>* other = description.joints.data(); other != &joint; ++other) {
+        if (other->link == joint.link) {
+          detail::invalid("KinematicTree: link '", joint.link, "' has two parents");
+        }
+        if (other->name == joint.name) {
+          detail::invalid("KinematicTree: two joints are called '", joint.name, "'");
+        }
       }
-      links.push_back(joint.link);
-      names.push_back(joint.name);
     }
-    for (const auto& joint : description.joints) {
-      if (std::find(links.begin(), links.end(), joint.parent) != links.end()) continue;
+    for (const Joint<Scalar>& joint : description.joints) {
+      if (moved(joint.parent)) continue;
       if (!root.empty() && root != joint.parent) {
         detail::invalid("KinematicTree: '", root, "' and '", joint.parent,
                         "' are both roots, or one of them is misspelt");
@@ -405,67 +424,72 @@ class KinematicTree {
       detail::invalid(
           "KinematicTree: no link is the root: the joints form a loop, or a name is ''");
     }
-    if (std::find(links.begin(), links.end(), root) != links.end()) {
+    if (moved(root)) {
       detail::invalid("KinematicTree: the root '", root, "' is moved by a joint");
     }
     return root;
   }
 
   [[gnu::cold]] void build(const Description& description) {
-    bodies_.emplace_back();
-    frames_.push_back({find_root(description), 0, detail::identity_pose<Scalar>(), false, {}, 0});
+    frames_[0].name = find_root(description);
     const auto& all = description.joints;
     std::vector<Index> moved(all.size(), -1);  // body of each joint; −1 until it is placed
-    for (std::size_t count = 0; count < all.size();) {
-      const std::size_t before = count;
+    Placed placed;
+    while (placed.frames <= all.size()) {
+      const std::size_t before = placed.frames;
       for (std::size_t i = 0; i < all.size(); ++i) {
         if (moved[i] >= 0) continue;
-        const Frame* parent = nullptr;
-        for (const Frame& f : frames_) {
-          if (f.name == all[i].parent) parent = &f;
-        }
-        if (!parent) continue;
-        moved[i] = place(all[i], *parent);
-        ++count;
+        std::size_t parent = 0;
+        while (parent < placed.frames && frames_[parent].name != all[i].parent) ++parent;
+        if (parent < placed.frames) moved[i] = place(all[i], frames_[parent], placed);
       }
-      if (count > before) continue;
-      std::vector<std::string> rest;
+      if (placed.frames > before) continue;
+      std::string rest;
       for (std::size_t i = 0; i < all.size(); ++i) {
-        if (moved[i] < 0) rest.push_back(all[i].name);
+        if (moved[i] < 0) detail::append_name(rest, all[i].name);
       }
       detail::invalid("KinematicTree: not joined to the root '", frames_[0].name, "': the joints ",
-                      detail::listed(rest));
+                      rest);
     }
     follow(all, moved);
     for (const auto& m : description.masses) add_mass(m);
-    carried_.resize(bodies_.size());
   }
 
+  // How many of each there are already.
+  struct Placed {
+    std::size_t frames{1}, bodies{1}, joints{0};
+  };
   // A body and a frame for `joint`, which sits on the link of `parent`.
-  [[gnu::cold]] Index place(const Joint<Scalar>& joint, const Frame& parent) {
+  [[gnu::cold]] Index place(const Joint<Scalar>& joint, const Frame& parent, Placed& placed) {
     check(joint);
+    Frame& frame = frames_[placed.frames++];
+    frame.name = joint.link;
+    frame.pose = joint.link_pose;
     const Pose<Scalar> origin = detail::compose(parent.pose, joint.origin);
     if (joint.type == JointType::fixed) {
-      const Index body = parent.body;
-      frames_.push_back({joint.link, body, detail::compose(origin, joint.link_pose), true, {}, 0});
-      return body;
+      frame.body = parent.body;
+      frame.pose = detail::compose(origin, joint.link_pose);
+      frame.fixed = true;
+      return frame.body;
     }
-    const Index index = static_cast<Index>(bodies_.size());
-    Body& b = bodies_.emplace_back();
+    frame.body = static_cast<Index>(placed.bodies);
+    Body& b = bodies_[placed.bodies++];
     b.parent = parent.body;
     b.turns = joint.type != JointType::prismatic;
     b.origin = origin;
     b.local_axis = detail::scaled(joint.axis, Scalar(1) / detail::norm(joint.axis));
     if (!joint.mimic) {
-      b.column = joint_count();
-      const bool endless = joint.type == JointType::continuous;
-      joints_.push_back({joint.name, b.column, endless ? -infinity<Scalar> : joint.lower,
-                         endless ? infinity<Scalar> : joint.upper, joint.max_velocity,
-                         joint.max_acceleration, endless});
-      joint_body_.push_back(index);
+      b.column = static_cast<Index>(placed.joints);
+      joint_body_[placed.joints] = frame.body;
+      JointInfo<Scalar>& info = joints_[placed.joints++];
+      info.name = joint.name;
+      info.column = b.column;
+      info.max_velocity = joint.max_velocity;
+      info.max_acceleration = joint.max_acceleration;
+      info.continuous = joint.type == JointType::continuous;
+      if (!info.continuous) info.lower = joint.lower, info.upper = joint.upper;
     }
-    frames_.push_back({joint.link, index, joint.link_pose, false, {}, 0});
-    return index;
+    return frame.body;
   }
 
   // Column, multiplier and offset of the mimics; one may follow another.
@@ -511,11 +535,6 @@ class KinematicTree {
     mass_ += m.mass;
   }
 
-  struct Carried {
-    Scalar mass;
-    Vector3<Scalar> center;
-  };
-
   Index dof_{0};
   typename Base<Scalar>::Motion base_motion_, base_twist_;  // components on the base; on ⟨0⟩
   std::vector<Body> bodies_;                                // a body after its parent
@@ -525,7 +544,6 @@ class KinematicTree {
   Positions q_;
   unsigned stamp_{0};
   Scalar mass_{0};
-  mutable std::vector<Carried> carried_;
   mutable bool center_known_{false};
   mutable Vector3<Scalar> center_;
   mutable PointJacobian center_jacobian_;

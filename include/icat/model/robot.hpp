@@ -163,11 +163,14 @@ class Columns {
 
 namespace detail {
 
-/// "'a', 'b', 'c'", for messages.
+/// Makes "'a', 'b', 'c'" of it, for messages.
+[[gnu::cold]] inline void append_name(std::string& list, std::string_view name) {
+  list.append(list.empty() ? "'" : ", '").append(name).append("'");
+}
 template <class Names>
 [[gnu::cold]] std::string listed(const Names& names) {
   std::string text;
-  for (const auto& name : names) text.append(text.empty() ? "'" : ", '").append(name).append("'");
+  for (const auto& name : names) append_name(text, name);
   return text;
 }
 
@@ -188,10 +191,9 @@ template <class Items>
                             std::string_view owner = "") {
   const Index i = index_of(items, name);
   if (i >= 0) return i;
-  std::vector<std::string> names;
-  for (const auto& item : items) names.emplace_back(item.name);
-  invalid(owner, owner.empty() ? "" : ": ", "no ", what, " '", name, "'; there are ",
-          listed(names));
+  std::string names;
+  for (const auto& item : items) append_name(names, item.name);
+  invalid(owner, owner.empty() ? "" : ": ", "no ", what, " '", name, "'; there are ", names);
 }
 
 /// The column of the joint called `name`; −1 where there is none. No allocation.

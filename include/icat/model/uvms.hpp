@@ -26,13 +26,18 @@ template <class Scalar, int Dof>
 [[gnu::cold]] KinematicTree<Scalar, Dof + 6> uvms(const SerialArm<Scalar, Dof>& arm,
                                                   const UvmsMounts<Scalar>& mounts = {}) {
   typename KinematicTree<Scalar, Dof + 6>::Description description{
-      .joints = axes_chain(arm, "arm_base"), .base = Base<Scalar>::free()};
+      .joints = detail::axes_chain(arm, "arm_base", "", 3), .base = Base<Scalar>::free()};
+  Joint<Scalar>* joint = description.joints.data() + description.joints.size();
   const auto mount = [&](const char* parent, const char* link, const Pose<Scalar>& pose) {
-    description.joints.push_back({link, parent, link, JointType::fixed, pose});
+    --joint;
+    joint->name = joint->link = link;
+    joint->parent = parent;
+    joint->type = JointType::fixed;
+    joint->origin = pose;
   };
-  mount("vehicle", "arm_base", mounts.arm);
-  mount("end_effector", "tool", mounts.tool);
   mount("vehicle", "camera", mounts.camera);
+  mount("end_effector", "tool", mounts.tool);
+  mount("vehicle", "arm_base", mounts.arm);
   return KinematicTree<Scalar, Dof + 6>(description);
 }
 

@@ -125,7 +125,7 @@ class JointLimits : public detail::JointTask<R> {
   struct Options {
     std::string name = "joint limits";  ///< in errors and logs
     /// By name; none: all.
-    std::vector<std::string> joints = std::initializer_list<std::string>{};
+    std::vector<std::string> joints = EmptyList{};
     /// β, rad or m. One for all is at most a quarter of each joint's range; one for each is taken
     /// as it is, and refused where there is no room.
     PerJoint<Scalar> margin = static_cast<Scalar>(0.1);
@@ -237,7 +237,7 @@ class JointPosition : public detail::JointTask<R> {
   struct Options {
     std::string name = "joint position";  ///< in errors and logs
     /// By name; none: all.
-    std::vector<std::string> joints = std::initializer_list<std::string>{};
+    std::vector<std::string> joints = EmptyList{};
     /// Given: the norm form with this objective. Not given: the component form.
     std::optional<Objective<Scalar>> norm = std::nullopt;
     Scalar gain{1};  ///< γ, 1/s

@@ -130,7 +130,7 @@ class Manipulability : public ScalarTask<R> {
   struct Options {
     std::string name = "manipulability";  ///< in errors and logs
     /// By name; none: all that move the frame.
-    std::vector<std::string> joints = std::initializer_list<std::string>{};
+    std::vector<std::string> joints = EmptyList{};
     Scalar gain{1};                     ///< γ, 1/s
     Scalar max_rate{infinity<Scalar>};  ///< in the unit of μ per second
   };
