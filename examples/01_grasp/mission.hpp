@@ -171,10 +171,11 @@ Result run(const Variant& variant, double dt, Observe observe) {
   //! [controller]
   icat::Columns given;
   if (variant.underactuated) given = icat::ColumnRange{10, 2};  // roll and pitch
-  icat::ParallelController controller(
-      robot, actions,
-      {.given = given, .solver = {.bounds = support::velocity_bounds(0.5, 0.5, 0.4)}});
+  const icat::Controller<Robot>::Options options{
+      .given = given, .solver = {.bounds = support::velocity_bounds(0.5, 0.5, 0.4)}};
+  icat::ParallelController controller(robot, actions, options);
   //! [controller]
+  icat::Controller whole_body(robot, actions, options);  // without compensation: TPIK 1 alone
 
   icat::KinematicPlant<Robot> plant(
       robot, {.q = support::folded_arm(),
@@ -216,7 +217,7 @@ Result run(const Variant& variant, double dt, Observe observe) {
     Sample s;
     s.t = t;
     s.action = controller.action();
-    s.command = variant.compensation ? controller.velocity() : controller.first().velocity();
+    s.command = variant.compensation ? controller.velocity() : whole_body.velocity();
     s.vehicle_velocity = plant.velocity().tail<6>();
     s.q = robot.q();
     s.vehicle = robot.pose(vehicle);
@@ -245,7 +246,8 @@ Result run(const Variant& variant, double dt, Observe observe) {
   // The supervisor: a phase ends when its goal is reached, or after a while.
   const auto enter = [&](const char* action, double t) {
     result.phases.emplace_back(action, t);
-    return controller.switch_to(action, t, fade);
+    const icat::Status status = whole_body.switch_to(action, t, fade);
+    return status == icat::Status::ok ? controller.switch_to(action, t, fade) : status;
   };
   constexpr double time_limit = 40;
   constexpr double position_tolerance = 5e-4, orientation_tolerance = 5e-4;  // m, rad
@@ -257,14 +259,11 @@ Result run(const Variant& variant, double dt, Observe observe) {
     const double t = cycle * dt;
     status = robot.update(plant.q(), plant.base());
     if (status != icat::Status::ok) break;
-    const Vector6 measured = plant.velocity().tail<6>();
-    if (variant.compensation) {
-      status = controller.step(t, measured);
-      plant.step(controller.command(), t, dt);
-    } else {  // TPIK 1 alone, for the whole body
-      status = controller.step_base(t, measured);
-      plant.step(controller.first().command(), t, dt);
+    status = controller.step(t, Vector6(plant.velocity().tail<6>()));
+    if (status == icat::Status::ok && !variant.compensation) {
+      status = whole_body.step(t, plant.velocity());
     }
+    plant.step(variant.compensation ? controller.command() : whole_body.command(), t, dt);
     //! [loop]
     observe(robot, controller, t, Vector6(plant.velocity().tail<6>()));
     const Sample s = measure(t);
