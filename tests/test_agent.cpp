@@ -30,6 +30,33 @@ TEST(Agent, BothCommandTheAgreedToolVelocity) {
   EXPECT_LT((pair.agents[1]->desired() - 0.5 * twist(0.3, -0.2, -0.4)).norm(), 1e-12);
 }
 
+// From rest, with fades that differ: what holds the object moves alike from the first cycle.
+TEST(Agent, InAFadeBothToolsMoveAlike) {
+  for (const bool compensation : {false, true}) {
+    Pair pair(false, compensation);
+    ASSERT_EQ(pair.agents[0]->switch_to("carry", 0, 1), Status::ok);
+    ASSERT_EQ(pair.agents[1]->switch_to("carry", 0, 0.3), Status::ok);
+    std::array<Vector13d, 2> last{Vector13d::Zero(), Vector13d::Zero()};
+    double fastest = 0;
+    for (int k = 0; k < 150; ++k) {
+      pair.cycle(0.01 * k);
+      for (std::size_t i = 0; i < 2; ++i) {
+        Vector13d actual = pair.agents[i]->velocity();
+        if (compensation) actual.tail<6>().setZero();  // what is measured
+        const Vector6 tool = pair.holder(i).tool_velocity(actual);
+        EXPECT_LT((tool - pair.agents[i]->agreed_velocity()).norm(), compensation ? 1e-5 : 1e-9)
+            << k;
+        EXPECT_LT(pair.agents[i]->cut().norm(), compensation ? 1e-5 : 1e-9);
+        fastest = std::max(fastest, tool.norm());
+        // The agreement itself fades over 0.01 s.
+        EXPECT_LT((pair.agents[i]->velocity() - last[i]).norm(), 0.2) << k;
+        last[i] = pair.agents[i]->velocity();
+      }
+    }
+    EXPECT_GT(fastest, 0.05);
+  }
+}
+
 // Beyond the paper: the mean pulls the tool of a through its ceiling, the intersection does not.
 TEST(Agent, TheMeanDisturbsASafetyTaskTheIntersectionOfSpansDoesNot) {
   for (const bool spans : {false, true}) {

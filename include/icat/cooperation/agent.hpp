@@ -321,9 +321,7 @@ class Agent {
         (void)compensation_->set_bounds(limits_.bounds());
         const Status joints = compensation_->solve(second_.levels(), measured_);
         if (status == Status::ok) status = joints;
-        for (Index c = 0; c < answer_.size(); ++c) {
-          if (!compensation_->in_base(c)) answer_(c) = compensation_->velocity()(c);
-        }
+        for (Index c = 0; c < answer_.size(); ++c) answer_(c) = made_up(c, answer_);
       }
     }
     return status;
@@ -339,9 +337,13 @@ class Agent {
     if (solved && rest > Scalar(0) && held > Scalar(0) &&
         second_.solve(measured_, top_level_ + 1) == Status::ok) {
       // What has not faded in yet gives way to the object: the others that hold it do not fade.
-      const Velocity& from = ramp_.from();
+      if constexpr (MobileRobot<R>) {
+        if (compensation_) {
+          (void)compensation_->solve(second_.levels().first(top_level_ + 1), measured_);
+        }
+      }
       for (Index c = 0; c < wanted.size(); ++c) {
-        wanted(c) += rest * held * (second_.velocity()(c) - from(c));
+        wanted(c) += rest * held * (made_up(c, second_.velocity()) - ramp_.from()(c));
       }
     }
     bool all = limits_.limit_base(wanted);
@@ -360,6 +362,13 @@ class Agent {
     for (Index i = 0; i < 6; ++i) cut_(i) = held * (velocity(i) - commanded_(i));
     // Only what the limits cut is something that the others can help with.
     if (solved && !(held < Scalar(1))) (void)agreement_.achieved(commanded_, velocity);
+  }
+  // Column `c` of `whole`, or of the joints that make up for the base.
+  Scalar made_up(Index c, const Velocity& whole) const noexcept {
+    if constexpr (MobileRobot<R>) {
+      if (compensation_ && !compensation_->in_base(c)) return compensation_->velocity()(c);
+    }
+    return whole(c);
   }
   bool compensates() const noexcept {
     if constexpr (MobileRobot<R>) return compensation_.has_value();
