@@ -193,7 +193,7 @@ TYPED_TEST(MemberTasks, AreWhatTheBracesSay) {
   EXPECT_EQ(program.agent.agreement().options().index, 1u);
   for (auto* controller : {&program.controller, &program.defaults, &program.dead_joint}) {
     ASSERT_EQ(controller->start("reach", 0), Status::ok);
-    EXPECT_EQ(controller->step(0), Status::ok);
+    EXPECT_EQ(controller->step(0, icat::Vector<S, 13>::Zero()), Status::ok);
     EXPECT_GT(controller->velocity().norm(), 0);
   }
   for (auto* controller : {&program.parallel, &program.parallel_defaults}) {
@@ -202,8 +202,8 @@ TYPED_TEST(MemberTasks, AreWhatTheBracesSay) {
   }
   for (auto* agent : {&program.agent, &program.alone}) {
     ASSERT_EQ(agent->start("reach", 0), Status::ok);
-    EXPECT_EQ(agent->propose(0), Status::ok);
-    EXPECT_EQ(agent->step(0), Status::ok);
+    EXPECT_EQ(agent->propose(0, icat::Vector<S, 13>::Zero()), Status::ok);
+    EXPECT_EQ(agent->step(0, icat::Vector<S, 13>::Zero()), Status::ok);
   }
   for (auto* central : {&program.central, &program.bounded}) {
     ASSERT_EQ(central->start("reach", 0), Status::ok);

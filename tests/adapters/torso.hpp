@@ -245,7 +245,9 @@ struct Tasks {
               {.relative_to = robot.frame("left_hand"), .gain = 0.7}),
         center(robot, balance, {.gain = 0.5}),
         rest(robot, icat::joint_columns(robot)),
-        controller(robot, {{"work", {{limits}, {left}, {right}, {center}, {rest}}}}) {}
+        // Bounds that are reached answer to rounding.
+        controller(robot, {{"work", {{limits}, {left}, {right}, {center}, {rest}}}},
+                   {.limits = icat::unlimited}) {}
 };
 
 /// `update(robot, state)` moves the foreign robot as the tree was; for ten states 50 steps each,

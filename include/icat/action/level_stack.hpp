@@ -94,7 +94,7 @@ class LevelStack {
     return status == Status::ok ? refresh() : status;
   }
   /// The same at the last stamp.
-  Status refresh() noexcept {
+  [[gnu::noinline]] Status refresh() noexcept {
     if (action_ == none) return Status::not_started;
     (void)transition_.update(clock_.elapsed());
     std::fill(wanted_.begin(), wanted_.end(), char{0});
@@ -189,7 +189,7 @@ class LevelStack {
     return static_cast<std::size_t>(std::find(names_.begin(), names_.end(), action) -
                                     names_.begin());
   }
-  void enter(std::size_t action) noexcept {
+  [[gnu::noinline]] void enter(std::size_t action) noexcept {
     set_targets(action);
     (void)transition_.set(targets_, clock_.elapsed());
     action_ = action;

@@ -75,7 +75,7 @@ class CommandRamp {
     }
   }
   /// Wanted for the solver's `answer`, n.
-  const Velocity& wanted(const Velocity& answer) noexcept {
+  [[gnu::noinline]] const Velocity& wanted(const Velocity& answer) noexcept {
     const Scalar s = static_cast<Scalar>(share());
     for (Index i = 0; i < from_.size(); ++i) {
       const Scalar aim = runs_ && !faulty_ ? answer(i) : Scalar(0);
@@ -96,7 +96,7 @@ class CommandRamp {
     begin(duration, command);
     elapsed_ = -pending;
   }
-  void begin(double duration, const Velocity& command) noexcept {
+  [[gnu::noinline]] void begin(double duration, const Velocity& command) noexcept {
     elapsed_ = 0;
     duration_ = duration;
     for (Index i = 0; i < from_.size(); ++i) from_(i) = command(i);

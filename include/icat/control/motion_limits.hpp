@@ -228,7 +228,7 @@ class MotionLimits {
   }
 
   Column& at(Index c) noexcept { return columns_[static_cast<std::size_t>(c)]; }
-  void free(Index c) noexcept {
+  [[gnu::cold]] void free(Index c) noexcept {
     lower_(c) = bounds_.lower(c) = -infinity<Scalar>;
     upper_(c) = bounds_.upper(c) = infinity<Scalar>;
   }
@@ -260,7 +260,7 @@ class MotionLimits {
     return 2 * d / (T + std::sqrt(T * T + 2 * d / a));
   }
 
-  void box(bool base, Cycle cycle) noexcept {
+  [[gnu::noinline]] void box(bool base, Cycle cycle) noexcept {
     for (Index c = 0; c < dof(); ++c) {
       Column& column = at(c);
       if (column.base != base || column.given) continue;
@@ -286,7 +286,7 @@ class MotionLimits {
     }
   }
 
-  bool limit(bool base, const Velocity& wanted, Velocity& out) const noexcept {
+  [[gnu::noinline]] bool limit(bool base, const Velocity& wanted, Velocity& out) const noexcept {
     Scalar scale(1);
     bool all = true;
     for (Index c = 0; c < dof(); ++c) {

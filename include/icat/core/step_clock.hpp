@@ -44,7 +44,7 @@ class StepClock {
   }
 
   /// The next stamp, s. `non_finite`: refused.
-  Status advance(double now) noexcept {
+  [[gnu::noinline]] Status advance(double now) noexcept {
     step_ = 0;
     if (!std::isfinite(now)) return Status::non_finite;
     const double difference = started_ ? now - last_ : 0;
@@ -63,7 +63,7 @@ class StepClock {
     } else {
       owed_ = 0;  // another clock, not a late stamp
     }
-    if (difference != 0) {
+    if (difference != 0 && difference <= max_step_) {
       // A mean over some 30 steps; the first regular one at once.
       nominal_ += (regular_ ? 1.0 / 32 : 1.0) * (step_ - nominal_);
       regular_ = regular_ || step_ > 0;
