@@ -14,6 +14,8 @@ namespace icat::detail {
 /// Construction allocates; nothing else does.
 class CommandHistory {
  public:
+  /// Of nothing.
+  CommandHistory() : CommandHistory(0, 0) {}
   [[gnu::cold]] CommandHistory(Index n, double window)
       : size_(static_cast<std::size_t>(n) + 1),
         // Two that follow each other last longer than `shortest` together.
@@ -51,7 +53,7 @@ class CommandHistory {
  private:
   static constexpr double shortest = 1e-3;  // s
 
-  std::size_t size_, newest_{0};
+  std::size_t size_{1}, newest_{0};
   std::vector<double> entries_;  // duration and velocity, one after the other
 };
 

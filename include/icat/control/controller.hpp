@@ -53,7 +53,7 @@ class Controller {
   struct Options {
     Columns given{};                    ///< that are not commanded, see the file comment
     typename Solver::Options solver{};  ///< of the TPIK
-    LimitsOption<R> limits{};           ///< the robot's own; or `icat::unlimited`
+    MotionLimits<R> limits{};           ///< the robot's own; or `icat::unlimited`
     TimeOptions time{};                 ///< late and bad input
   };
 

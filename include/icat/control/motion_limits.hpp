@@ -22,7 +22,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -32,6 +31,11 @@
 #include "icat/tpik/velocity_bounds.hpp"
 
 namespace icat {
+
+/// No limits at all.
+struct Unlimited {};
+/// As limits of motion, or as the option `limits` of a controller.
+inline constexpr Unlimited unlimited{};
 
 /// See the file comment. A controller copies it and works with the copy. Construction allocates and
 /// throws; nothing else does.
@@ -58,6 +62,10 @@ class MotionLimits {
     std::vector<Scalar> base_acceleration = std::initializer_list<Scalar>{};
   };
 
+  /// Those of the robot it will be used for; nothing else may be asked of it but `of`.
+  MotionLimits() {}  // not defaulted: see `infinity`
+  /// None; likewise.
+  MotionLimits(Unlimited) : unlimited_(true) {}  // NOLINT: converts on purpose
   /// The limits that the robot states.
   /// @throws std::invalid_argument on settings out of range, with the joint's name, or joints that
   ///         there are not.
@@ -68,11 +76,17 @@ class MotionLimits {
     take_joints(robot, options);
     take_base(robot, options);
   }
-  /// No limits.
-  [[gnu::cold]] static MotionLimits none(const R& robot) {
-    MotionLimits limits(robot.dof(), 0.1);
-    limits.take_base(robot, Options{});
-    return limits;
+  /// For `robot`. Allocates.
+  /// @throws std::invalid_argument on limits for another number of columns.
+  [[gnu::cold]] MotionLimits of(const R& robot) const {
+    if (dof() == robot.dof()) return *this;
+    if (dof() != 0) {
+      detail::invalid("MotionLimits of ", dof(), " columns for a robot of ", robot.dof());
+    }
+    if (!unlimited_) return MotionLimits(robot);
+    MotionLimits none(robot.dof(), reaction_time_);
+    none.take_base(robot, Options{});
+    return none;
   }
 
   /// n.
@@ -312,43 +326,12 @@ class MotionLimits {
     return all;
   }
 
-  double reaction_time_;
+  double reaction_time_{0.1};
+  bool unlimited_{false};
   std::vector<Column> columns_;
   detail::CommandHistory history_;
   VelocityBounds<Scalar, R::size> bounds_;
   Velocity lower_, upper_, command_;
-};
-
-/// No limits at all.
-struct Unlimited {};
-/// As the option `limits` of a controller.
-inline constexpr Unlimited unlimited{};
-
-/// What a controller's option `limits` takes: nothing, then what the robot states holds;
-/// `MotionLimits`; or `icat::unlimited`.
-template <Robot R>
-class LimitsOption {
- public:
-  /// What the robot states.
-  LimitsOption() {}  // not defaulted: see `infinity`
-  /// These.
-  LimitsOption(const MotionLimits<R>& limits) : limits_(limits) {}  // NOLINT: converts on purpose
-  /// None.
-  LimitsOption(Unlimited) : unlimited_(true) {}  // NOLINT: converts on purpose
-  /// For `robot`. Allocates.
-  /// @throws std::invalid_argument on limits for another number of columns.
-  [[gnu::cold]] MotionLimits<R> of(const R& robot) const {
-    if (unlimited_) return MotionLimits<R>::none(robot);
-    if (!limits_) return MotionLimits<R>(robot);
-    if (limits_->dof() != robot.dof()) {
-      detail::invalid("MotionLimits of ", limits_->dof(), " columns for a robot of ", robot.dof());
-    }
-    return *limits_;
-  }
-
- private:
-  std::optional<MotionLimits<R>> limits_;
-  bool unlimited_{false};
 };
 
 }  // namespace icat
