@@ -376,6 +376,10 @@ TEST(Cases, M13_GoalsGainsAndRatesChangeWhileItRuns) {
   EXPECT_EQ(t.reference().norm(), 0);
 }
 
+// A step of the reference in an update in which the error turns by `step` rad: the steepest slope
+// of the fade, 15/8, over 100 updates or 0.5 rad, of an error of at most π + 1; and its own step.
+double largest_step(double step) { return gain * ((pi + 1) * 15 / 8 * (0.01 + step / 0.5) + step); }
+
 TEST(JointPosition, NothingJumpsWhereAWaistTurnsOver) {
   Torso robot = make_torso<Torso>();
   const Eigen::VectorXd goal = testing_support::bent_torso();
@@ -389,10 +393,83 @@ TEST(JointPosition, NothingJumpsWhereAWaistTurnsOver) {
       s.q(4) += 0.3 * u;
       return s;
     });
-    // A fade over 0.1 rad of a rate γ π, per turn.
-    EXPECT_LT(reference, 2500);
-    EXPECT_LT(push, 10'000);
+    const int steps = sanitized ? 2'000 : 20'000;
+    EXPECT_LT(reference / steps, largest_step(7.0 / steps));
+    EXPECT_LT(push / steps, 2 * largest_step(7.0 / steps));  // a² falls twice as fast as a
     EXPECT_GT(push, 1);
+  }
+}
+
+// Half a turn away, with noise: the positive way, and on.
+TYPED_TEST(JointTasks, AJointHalfATurnAwayMovesAndDoesNotDither) {
+  using S = typename TypeParam::Scalar;
+  using Tree = TorsoOf<TypeParam>;
+  Tree robot = make_torso<Tree>();
+  const Eigen::VectorXd goal = testing_support::bent_torso();
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal;
+  for (const bool norm : {false, true}) {
+    for (const double noise : {0.0, 1e-9, 1e-6, 1e-3}) {
+      for (const double turns : {-1.5, -0.5, 0.5, 3.5}) {
+        SCOPED_TRACE(testing::Message() << norm << ' ' << noise << ' ' << turns);
+        std::optional<icat::Objective<S>> objective;
+        if (norm) objective = icat::Objective<S>::equal_to(S(0));
+        task::JointPosition<Tree> t(robot, goal.template cast<S>(),
+                                    {.norm = objective, .gain = S(gain)});
+        TreeState s{"", goal, icat::Pose<double>::Identity()};
+        const double start = goal(1) + 2 * pi * turns;
+        double q = start;
+        for (int k = 0; k < 300; ++k) {
+          s.q(1) = q + noise * normal(random);
+          place(robot, s);
+          t.update();
+          const double rate = static_cast<double>((t.jacobian().transpose() * t.reference())(1));
+          if (k < 100) {  // held in place
+            ASSERT_NEAR(rate, gain * pi, gain * 6 * noise + 1e-4);
+          } else {
+            q += 0.02 * rate;
+          }
+        }
+        EXPECT_NEAR(q, start + pi, 5e-3);
+      }
+    }
+  }
+}
+
+// A goal that turns on and on, back and forth; where it stops it is reached.
+TEST(JointPosition, AGoalThatSwingsThroughHalfATurnIsFollowedWithoutAJump) {
+  Chain robot = chain({{JointType::continuous, 0, 0}, {JointType::revolute, -2, 2}});
+  for (const bool norm : {false, true}) {
+    for (const double speed : {1e-3, 1e-2, 0.1}) {
+      for (const double amplitude : {0.3, 0.6, 2.0}) {
+        SCOPED_TRACE(testing::Message() << norm << ' ' << speed << ' ' << amplitude);
+        task::JointPosition<Chain> t(
+            robot, positions({0, 0.5}),
+            {.norm = norm ? std::optional(Objective::equal_to(0)) : std::nullopt, .gain = gain});
+        ASSERT_EQ(robot.update(positions({0, 0.2})), Status::ok);
+        Eigen::VectorXd last;
+        double step = 0;
+        const int updates = static_cast<int>(20.3 * amplitude / speed);
+        for (int k = 0; k < updates; ++k) {
+          ASSERT_EQ(t.set_goal(positions({pi + amplitude * std::sin(k * speed / amplitude), 0.5})),
+                    Status::ok);
+          t.update();
+          const Eigen::VectorXd push =
+              t.jacobian().transpose() * t.activation().cwiseProduct(t.reference());
+          if (k > 0) step = std::max(step, (push - last).norm());
+          last = push;
+        }
+        EXPECT_LT(step, largest_step(speed));
+        Eigen::VectorXd q = positions({0, 0.2});
+        for (int k = 0; k < 700; ++k) {
+          ASSERT_EQ(robot.update(q), Status::ok);
+          t.update();
+          q += 0.02 * (t.jacobian().transpose() * t.activation().cwiseProduct(t.reference()));
+        }
+        EXPECT_NEAR(std::remainder(t.goal()(0) - q(0), 2 * pi), 0, 1e-3);
+        EXPECT_NEAR(q(1), 0.5, 1e-3);
+      }
+    }
   }
 }
 

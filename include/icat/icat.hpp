@@ -28,6 +28,7 @@
 #include "icat/core/step_clock.hpp"
 #include "icat/core/types.hpp"
 #include "icat/math/cholesky.hpp"
+#include "icat/math/half_turn.hpp"
 #include "icat/math/numerical_differentiation.hpp"
 #include "icat/math/proximity.hpp"
 #include "icat/math/regularization.hpp"

@@ -5,10 +5,8 @@
 ///     exp(φ) = I + sinθ/θ [φ]× + (1 − cosθ)/θ² [φ]×²,  θ = ‖φ‖
 ///     T exp(ξ dt): a pose moved by the body twist ξ = [v; ω], held constant over dt, exactly
 ///
-/// The error of an orientation is its rotation vector θ n, whose direction flips at θ = π. No
-/// continuous vector field on the rotations has one attractor only (Bhat & Bernstein, *Systems &
-/// Control Letters* 39, 2000), so the error here fades to 0 over the last 0.1 rad before π, where
-/// it has an unstable equilibrium, in exchange for never jumping.
+/// What is here has no memory: the direction of a rotation vector θ n, the error of an orientation,
+/// flips at θ = π. Tasks that must not jump there: half_turn.hpp.
 #pragma once
 
 #include <algorithm>
@@ -17,19 +15,9 @@
 #include <numbers>
 
 #include "icat/core/types.hpp"
-#include "icat/math/smooth_step.hpp"
 #include "icat/math/spatial_algebra.hpp"
 
 namespace icat {
-
-/// Width in rad of the zone before π in which orientation errors fade out.
-inline constexpr double half_turn_fade = 0.1;
-
-/// 1 up to π − `fade`, from there smoothly to 0 at `angle` = π.
-template <class Scalar>
-Scalar half_turn_weight(Scalar angle, Scalar fade = Scalar(half_turn_fade)) noexcept {
-  return smooth_step((std::numbers::pi_v<Scalar> - angle) / fade);
-}
 
 /// Whether `pose` is finite and its rotation orthonormal and right-handed, to 1e-3: measured data
 /// in single precision pass, a matrix that was never set or is scaled does not.
@@ -122,6 +110,14 @@ struct UnitQuaternion {
     return q;
   }
 
+  /// θ n with θ in [0, π] for w ≥ 0, else in [π, 2π].
+  Vector3<Scalar> rotation_vector() const noexcept {
+    const Scalar s = norm(v);
+    // θ/sin(θ/2) → 2 at 0, to rounding below √ε.
+    if (s < std::sqrt(std::numeric_limits<Scalar>::epsilon())) return scaled(v, Scalar(2));
+    return scaled(v, Scalar(2) * std::atan2(s, w) / s);
+  }
+
   /// I + 2 w [v]× + 2 [v]×²
   Matrix3<Scalar> matrix() const noexcept {
     Matrix3<Scalar> R;
@@ -143,22 +139,7 @@ struct UnitQuaternion {
 /// Rotation vector of `rotation`, ‖·‖ ≤ π. At π one of the two axes is returned.
 template <class Scalar>
 Vector3<Scalar> rotation_log(const Matrix3<Scalar>& rotation) noexcept {
-  const auto q = detail::UnitQuaternion<Scalar>::of(rotation);
-  const Scalar s = detail::norm(q.v);
-  // θ/sin(θ/2) → 2 at 0, to rounding below √ε.
-  if (s < std::sqrt(std::numeric_limits<Scalar>::epsilon())) {
-    return detail::scaled(q.v, Scalar(2));
-  }
-  return detail::scaled(q.v, Scalar(2) * std::atan2(s, q.w) / s);
-}
-
-/// Rotation vector (components on the common frame) that turns `current` into `goal`, faded at π:
-/// continuous in both arguments everywhere.
-template <class Scalar>
-Vector3<Scalar> orientation_error(const Matrix3<Scalar>& current,
-                                  const Matrix3<Scalar>& goal) noexcept {
-  const Vector3<Scalar> phi = rotation_log<Scalar>(detail::times(goal, detail::transpose(current)));
-  return detail::scaled(phi, half_turn_weight(detail::norm(phi)));
+  return detail::UnitQuaternion<Scalar>::of(rotation).rotation_vector();
 }
 
 /// `pose` after the body twist `twist` = [linear; angular] (components on the moving frame) was
@@ -189,12 +170,11 @@ Pose<Scalar> integrate(const Pose<Scalar>& pose, const Vector6<Scalar>& twist, S
 ///
 /// `angle` θ in [0, π] with gradient `angle_gradient` = ∂θ/∂d, which is 0 at θ = 0 and π, where θ
 /// has a kink; and the misalignment vector ξ = θ n, n = z × d / ‖z × d‖, which has no z component:
-/// `vector` = (ξ_x, ξ_y), faded to 0 before π.
+/// `vector` = (ξ_x, ξ_y); exactly at π, about x.
 ///
 /// `vector_rate` Ξ is what goes with ξ as a velocity: Ξ ḋ is z × ḋ after d was turned to z the
 /// short way. Along n that is θ̇, across it sinθ times the rate of n, and both equal ξ̇ for small θ.
-/// The derivative of the faded ξ will not do: it falls towards π, so whoever reduces it near π
-/// turns d away from z. Ξ never vanishes: Ξᵀ Ξ = I − d dᵀ. At π its rows turn over.
+/// Ξ never vanishes: Ξᵀ Ξ = I − d dᵀ. At π, where n flips, its rows turn over.
 template <class Scalar>
 struct Misalignment {
   /// θ, rad.
@@ -206,6 +186,21 @@ struct Misalignment {
   /// Ξ.
   Eigen::Matrix<Scalar, 2, 3> vector_rate;
 };
+
+namespace detail {
+
+/// Ξ of a d nearer to −z than to z that is turned to −z the short way, and then about (x, y) by π.
+template <class Scalar>
+void set_misalignment_rate(Misalignment<Scalar>& m, const Vector3<Scalar>& d, Scalar x,
+                           Scalar y) noexcept {
+  // The first turn takes v across d to v + (d − z) v_z / (1 − d_z), the second is a reflection of
+  // x and y at the axis; z × turns that by a right angle.
+  const Scalar k = Scalar(1) / (Scalar(1) - d(2)), r = x * x - y * y, p = Scalar(2) * x * y;
+  set_row3(m.vector_rate, 0, 0, Vector3<Scalar>(-p, r, k * (r * d(1) - p * d(0))));
+  set_row3(m.vector_rate, 1, 0, Vector3<Scalar>(r, p, k * (r * d(0) + p * d(1))));
+}
+
+}  // namespace detail
 
 /// See `Misalignment`. `d` has unit length. No allocation.
 template <class Scalar>
@@ -223,26 +218,20 @@ Misalignment<Scalar> misalignment_from_z(const Vector3<Scalar>& d) noexcept {
   }
 
   // ξ = g (−d_y, d_x)
-  const Scalar g = theta < Scalar(1e-3) ? Scalar(1) + theta * theta / Scalar(6)
-                   : known              ? theta * half_turn_weight(theta) / s
-                                        : Scalar(0);
-  m.vector(0) = -g * d(1);
-  m.vector(1) = g * d(0);
+  const Scalar g = theta < Scalar(1e-3) ? Scalar(1) + theta * theta / Scalar(6) : theta / s;
+  const bool opposite = d(2) < Scalar(0) && !known;
+  m.vector(0) = opposite ? theta : -g * d(1);
+  m.vector(1) = opposite ? Scalar(0) : g * d(0);
 
-  // The turn from d to z takes v across d to v − (d + z) v_z / (1 + d_z).
-  if (d(2) > Scalar(-0.5)) {
-    const Scalar k = Scalar(1) / (Scalar(1) + d(2));
-    detail::set_row3(m.vector_rate, 0, 0, Vector3<Scalar>(Scalar(0), Scalar(-1), k * d(1)));
-    detail::set_row3(m.vector_rate, 1, 0, Vector3<Scalar>(Scalar(1), Scalar(0), -k * d(0)));
-  } else {
-    // v_z by v_x and v_y: it is small, and what it is divided by smaller.
-    const Scalar k = known ? (Scalar(1) - d(2)) / (d(2) * s * s) : Scalar(0);
-    const Vector3<Scalar> r(d(0), d(1), Scalar(0));
-    detail::set_row3(m.vector_rate, 0, 0,
-                     detail::plus(Vector3<Scalar>(Scalar(0), Scalar(-1), Scalar(0)), -k * d(1), r));
-    detail::set_row3(m.vector_rate, 1, 0,
-                     detail::plus(Vector3<Scalar>(Scalar(1), Scalar(0), Scalar(0)), k * d(0), r));
+  if (d(2) < Scalar(0)) {
+    detail::set_misalignment_rate(m, d, known ? -d(1) / s : Scalar(1),
+                                  known ? d(0) / s : Scalar(0));
+    return m;
   }
+  // The turn from d to z takes v across d to v − (d + z) v_z / (1 + d_z).
+  const Scalar k = Scalar(1) / (Scalar(1) + d(2));
+  detail::set_row3(m.vector_rate, 0, 0, Vector3<Scalar>(Scalar(0), Scalar(-1), k * d(1)));
+  detail::set_row3(m.vector_rate, 1, 0, Vector3<Scalar>(Scalar(1), Scalar(0), -k * d(0)));
   return m;
 }
 

@@ -4,7 +4,8 @@
 /// target (`LookAt`, `Occlusion`).
 ///
 /// With d the unit vector of the direction and A a constant rotation that takes u to z, the
-/// misalignment of A R_fᵀ d from z is the angle θ, or the vector ξ = θ n, see rigid_motion.hpp.
+/// misalignment of A R_fᵀ d from z is the angle θ, or the vector ξ = θ n, see rigid_motion.hpp;
+/// near π, where n flips, about the axis that was begun with, see half_turn.hpp.
 ///
 ///     world:   d/dt (R_fᵀ d) = R_fᵀ (d × ω)
 ///     target:  d/dt (R_fᵀ (p − p_f)) = R_fᵀ (ṗ − v − ω × (p − p_f))
@@ -15,6 +16,7 @@
 
 #include <optional>
 
+#include "icat/math/half_turn.hpp"
 #include "icat/math/rigid_motion.hpp"
 #include "icat/task/task.hpp"
 
@@ -86,19 +88,28 @@ class DirectionTask : public ReactiveTask<R> {
   /// Misalignment of the direction `d` of ⟨0⟩, and its rate by ḋ, components on ⟨0⟩.
   void measure(const Vector3<Scalar>& d) noexcept {
     turn_ = times(to_z_, transpose(rotation(this->robot().pose(frame_))));
-    misalignment_ = misalignment_from_z<Scalar>(times(turn_, d));
+    const Vector3<Scalar> at = times(turn_, d);
+    misalignment_ = misalignment_from_z<Scalar>(at);
     angle_ = misalignment_.angle;
+    // An axis is held to come down from π; to stay up there (`Occlusion`) none leads.
+    const Scalar pi = std::numbers::pi_v<Scalar>;
+    down_ = !norm_ || norm_->target(pi) < pi;
+    way_.update(at, down_ && (!norm_ || norm_->target(angle_) < angle_), misalignment_);
   }
   /// Gradient of row `row` by the direction, components on ⟨0⟩.
   Vector3<Scalar> gradient(Index row) const noexcept {
-    return transposed_times(turn_, norm_ ? row3(misalignment_.angle_gradient, 0, 0)
-                                         : row3(misalignment_.vector_rate, row, 0));
+    return transposed_times(turn_, !norm_  ? row3(misalignment_.vector_rate, row, 0)
+                                   : down_ ? way_.gradient(misalignment_)
+                                           : row3(misalignment_.angle_gradient, 0, 0));
   }
   /// References and activations; `feed_forward` for each row, `fade` of the angle near 0.
   void finish(const Scalar* feed_forward, Scalar fade) noexcept {
     if (norm_) {
-      // Straight behind the gradient flips; the row fades out before it does.
-      this->set_scalar(0, angle_, *norm_, max_rate_, fade * half_turn_weight(angle_));
+      // Without an axis the gradient flips straight behind; the row fades out before it does.
+      if (!down_) {
+        fade *= smooth_step((std::numbers::pi_v<Scalar> - angle_) / static_cast<Scalar>(0.1));
+      }
+      this->set_scalar(0, down_ ? way_.angle() : angle_, *norm_, max_rate_, fade);
       this->reference_(0) += feed_forward[0];
       return;
     }
@@ -117,6 +128,8 @@ class DirectionTask : public ReactiveTask<R> {
   Scalar max_rate_, angle_{0};
   Matrix3<Scalar> to_z_, turn_;
   Misalignment<Scalar> misalignment_;
+  DirectionWay<Scalar> way_;
+  bool down_{true};
 };
 
 /// The direction from a frame to a point of ⟨0⟩ or to the origin of another frame.

@@ -13,13 +13,17 @@
 ///     on ⟨f⟩:            d/dt (Rᵀ r) = Rᵀ (v_goal − v − ω × r)
 ///     J_r⁻¹(φ) = I + [φ]×/2 + (1/θ² − cot(θ/2)/(2θ)) [φ]×²,  θ = ‖φ‖
 ///
-/// **Norm form** [Coop, Eq. (14), Remark 1]: x = ‖r‖ or ‖φ‖ over the chosen axes, one row. φ fades
-/// out before it would flip at π, see rigid_motion.hpp. A goal that moves is followed without lag
+/// **Norm form** [Coop, Eq. (14), Remark 1]: x = ‖r‖ or ‖φ‖ over the chosen axes, one row.
+///
+/// φ is the short way or, near π, the way that was begun, ‖φ‖ up to π + 1: see half_turn.hpp. Where
+/// the way changes, ẋ̄ of all three components fades to 0 and comes back; rows of a part or a norm,
+/// which turn over there, do so by their activation. A goal that moves is followed without lag
 /// where its velocity is given.
 #pragma once
 
 #include <optional>
 
+#include "icat/math/half_turn.hpp"
 #include "icat/math/rigid_motion.hpp"
 #include "icat/task/relative_frame.hpp"
 
@@ -112,6 +116,11 @@ class FrameGoal : public ReactiveTask<R> {
     return Status::ok;
   }
 
+  /// ‖r‖ over the chosen axes at the last update, m.
+  Scalar position_error() const noexcept { return position_error_; }
+  /// ‖φ‖ over the chosen axes at the last update, the short way: rad, at most π.
+  Scalar orientation_error() const noexcept { return orientation_error_; }
+
   const Pose<Scalar>& goal_pose() const noexcept { return goal_; }
   GoalPart<Scalar>& linear() noexcept { return linear_; }
   GoalPart<Scalar>& angular() noexcept { return angular_; }
@@ -138,10 +147,10 @@ class FrameGoal : public ReactiveTask<R> {
         rows[k++] = {b, exact ? cross(error, b) : scaled(b, Scalar(0)), dot(b, error),
                      dot(b, column3(goal_velocity_, 0, 0))};
       }
-      finish(0, linear_, rows, Scalar(1), Scalar(1), norm(goal));
+      position_error_ = finish(0, linear_, rows, Scalar(1), Scalar(1), norm(goal));
     }
     if (angular_.axes.count() > 0) {
-      const Vector3<Scalar> phi = rotation_log<Scalar>(times(rotation(goal_), transpose(turn)));
+      const Vector3<Scalar> phi = way_.update(times(rotation(goal_), transpose(turn)));
       const Vector3<Scalar> omega = column3(goal_velocity_, 3, 0);
       const bool exact = angular_.axes.count() < 3, on_frame = on_ == On::frame;
       const Vector3<Scalar> x = on_frame ? transposed_times(turn, phi) : phi;
@@ -157,10 +166,12 @@ class FrameGoal : public ReactiveTask<R> {
         }
         rows[k++] = {scaled(b, Scalar(0)), b, x(i), dot(forward, omega)};
       }
-      const Scalar weight = half_turn_weight(norm(phi));
-      // The rows of a part of φ turn over at π, those of all of ω do not.
-      finish(linear_.rows(), angular_, rows, exact ? Scalar(1) : weight, exact ? weight : Scalar(1),
-             Scalar(1));
+      const Scalar weight = way_.weight();
+      // The rows of a part of φ turn over where the way changes, those of all of ω do not.
+      const Scalar error = finish(linear_.rows(), angular_, rows, exact ? Scalar(1) : weight,
+                                  exact ? weight : Scalar(1), Scalar(1));
+      const Scalar angle = norm(phi), pi = std::numbers::pi_v<Scalar>;
+      orientation_error_ = angle > pi ? error * (Scalar(2) * pi / angle - Scalar(1)) : error;
     }
   }
 
@@ -172,10 +183,11 @@ class FrameGoal : public ReactiveTask<R> {
     return e;
   }
 
-  /// Writes the rows of a part from row `first` on. `error_fade` is a factor of the error's rate,
-  /// `row_fade` of the activation; `magnitude` that of the numbers whose difference the error is.
-  void finish(Index first, const GoalPart<Scalar>& part, const Row* rows, Scalar error_fade,
-              Scalar row_fade, Scalar magnitude) noexcept {
+  /// Writes the rows of a part from row `first` on; the norm of the error. `error_fade` is a factor
+  /// of the error's rate, `row_fade` of the activation; `magnitude` that of the numbers whose
+  /// difference the error is.
+  Scalar finish(Index first, const GoalPart<Scalar>& part, const Row* rows, Scalar error_fade,
+                Scalar row_fade, Scalar magnitude) noexcept {
     const Index count = part.axes.count();
     Scalar square(0);
     for (Index k = 0; k < count; ++k) square += rows[k].error * rows[k].error;
@@ -188,13 +200,12 @@ class FrameGoal : public ReactiveTask<R> {
             (scale * this->gain()) * rows[k].error * error_fade + rows[k].forward;
         this->activation_(first + k) = row_fade;
       }
-      return;
+      return distance;
     }
     const Scalar fade = error_fade * row_fade;  // one of the two is 1
-    // The mean of both sides of the kinks, at distance 0 (as far as rounding can tell) and at π.
+    // The mean of both sides of the kink at distance 0, as far as rounding can tell.
     const Scalar rounding = Scalar(8) * std::numeric_limits<Scalar>::epsilon() * magnitude;
-    const Scalar factor =
-        distance > rounding && fade > Scalar(0) ? Scalar(-1) / distance : Scalar(0);
+    const Scalar factor = distance > rounding ? Scalar(-1) / distance : Scalar(0);
     const Vector3<Scalar> none(Scalar(0), Scalar(0), Scalar(0));
     Row sum{none, none, Scalar(0), Scalar(0)};
     for (Index k = 0; k < count; ++k) {
@@ -206,6 +217,7 @@ class FrameGoal : public ReactiveTask<R> {
     write(first, sum.linear, sum.angular);
     this->set_scalar(first, distance, *part.norm, part.max_rate, fade);
     this->reference_(first) += sum.forward;
+    return distance;
   }
   static bool is_zero(const Vector3<Scalar>& v) noexcept {
     return v(0) == Scalar(0) && v(1) == Scalar(0) && v(2) == Scalar(0);
@@ -226,6 +238,8 @@ class FrameGoal : public ReactiveTask<R> {
   Pose<Scalar> goal_;
   Vector6<Scalar> goal_velocity_;
   RelativeFrame<R> frame_;
+  RotationWay<Scalar> way_;
+  Scalar position_error_{0}, orientation_error_{0};
 };
 
 }  // namespace detail
@@ -265,10 +279,14 @@ class FramePose : public detail::FrameGoal<R> {
              options.norms ? std::optional(options.norms->orientation) : std::nullopt},
             options.gain) {}
 
+  using detail::FrameGoal<R>::position_error;
+  using detail::FrameGoal<R>::orientation_error;
+
   /// In the reference.
   const Pose<Scalar>& goal() const noexcept { return this->goal_pose(); }
   /// Another goal, and its velocity [linear; angular] at its origin, components on the reference:
-  /// refused if not finite or no rotation, the old goal stays.
+  /// refused if not finite or no rotation, the old goal stays. Near π the way that was begun stays,
+  /// unless the goal jumps by more than 0.5 rad.
   Status set_goal(const Pose<Scalar>& goal,
                   const Vector6<Scalar>& velocity = detail::zeros<Vector6<Scalar>>(6)) noexcept {
     return this->set(goal, velocity);
@@ -313,6 +331,8 @@ class FramePosition : public detail::FrameGoal<R> {
       : detail::FrameGoal<R>(robot, frame, options.relative_to, at(goal), options.name, options.on,
                              {options.axes, options.max_rate, options.norm},
                              {no_axes, infinity<Scalar>, std::nullopt}, options.gain) {}
+
+  using detail::FrameGoal<R>::position_error;
 
   /// In the reference, m.
   Vector3<Scalar> goal() const noexcept { return detail::origin(this->goal_pose()); }
@@ -364,10 +384,13 @@ class FrameOrientation : public detail::FrameGoal<R> {
                              options.on, {no_axes, infinity<Scalar>, std::nullopt},
                              {options.axes, options.max_rate, options.norm}, options.gain) {}
 
+  using detail::FrameGoal<R>::orientation_error;
+
   /// See the constructor.
   Matrix3<Scalar> goal() const noexcept { return detail::rotation(this->goal_pose()); }
   /// Another goal and its angular velocity (rad/s, on the reference); refused if not finite or no
-  /// rotation, the old goal stays.
+  /// rotation, the old goal stays. Near π the way that was begun stays, unless the goal jumps by
+  /// more than 0.5 rad.
   Status set_goal(const Matrix3<Scalar>& goal,
                   const Vector3<Scalar>& velocity = detail::zeros<Vector3<Scalar>>(3)) noexcept {
     auto twist = detail::zeros<Vector6<Scalar>>(6);

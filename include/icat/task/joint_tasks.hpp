@@ -2,18 +2,18 @@
 /// @file
 /// Tasks of joints alone: away from their limits, to a position.
 ///
-///     e_j = q*_j − q_j, for a continuous joint wrapped to [−π, π]
+///     e_j = q*_j − q_j, for a continuous joint less whole turns
 ///
-/// At π the wrapped error would flip: there it fades out in the component form, and in the norm
-/// form the row does.
+/// Near π, where the short way flips, a continuous joint goes on the way that was begun, see
+/// half_turn.hpp. Where the way changes, the error fades out and comes back; in the norm form the
+/// row does.
 #pragma once
 
 #include <cmath>
-#include <numbers>
 #include <optional>
 #include <vector>
 
-#include "icat/math/rigid_motion.hpp"
+#include "icat/math/half_turn.hpp"
 #include "icat/task/task.hpp"
 
 namespace icat {
@@ -259,7 +259,8 @@ class JointPosition : public detail::JointTask<R> {
         max_rate_(options.max_rate),
         goal_(goal),
         velocity_(detail::zeros<Positions>(this->joint_count())),
-        error_(velocity_) {
+        error_(velocity_),
+        ways_(static_cast<std::size_t>(this->joint_count())) {
     this->check("max_rate", options.max_rate);
     if (goal.size() != this->joint_count()) {
       detail::invalid("task '", this->name(), "': a goal of ", goal.size(), " numbers for ",
@@ -315,14 +316,14 @@ class JointPosition : public detail::JointTask<R> {
   }
 
   void compute() noexcept override {
-    constexpr Scalar turn = Scalar(2) * std::numbers::pi_v<Scalar>;
     Scalar square(0), slowest(infinity<Scalar>), scale(1), fade(1);
     for (Index k = 0; k < this->joint_count(); ++k) {
       Scalar e = goal_(k) - this->position(k);
       if (this->joint(k).continuous) {
-        e = std::remainder(e, turn);
-        // The norm itself must not fade: half a turn away would look like the goal.
-        (norm_ ? fade : e) *= half_turn_weight(std::abs(e));
+        auto& way = ways_[static_cast<std::size_t>(k)];
+        e = way.update(e);
+        // The norm itself must not fade: it would look like the goal.
+        (norm_ ? fade : e) *= way.weight();
       }
       error_(k) = e;
       square += e * e;
@@ -351,6 +352,7 @@ class JointPosition : public detail::JointTask<R> {
   std::optional<Objective<Scalar>> norm_;
   PerJoint<Scalar> max_rate_;
   Positions goal_, velocity_, error_;
+  std::vector<detail::AngleWay<Scalar>> ways_;  // of the continuous joints
 };
 
 }  // namespace task
