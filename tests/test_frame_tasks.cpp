@@ -556,7 +556,9 @@ TYPED_TEST(FrameTasks, AGoalTurnedByHalfATurnIsReached) {
             if (axes.count() == 3) {
               EXPECT_NEAR(first.dot(phi), gain * pi * pi, 1e-3);
               // A norm leaves free how the frame turns across.
-              if (!norm) EXPECT_LT((first - gain * phi).norm(), 1e-4);
+              if (!norm) {
+                EXPECT_LT((first - gain * phi).norm(), 1e-4);
+              }
             }
             EXPECT_LT(t.orientation_error(), 2e-3);
           }

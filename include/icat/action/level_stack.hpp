@@ -6,7 +6,6 @@
 ///     a_j = aⁱ_j(x_j) · aᵖ_j(p)          [Coop, Eq. (17)]
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <span>
@@ -46,19 +45,23 @@ class LevelStack {
         clock_(max_step),
         hierarchy_(unified_hierarchy(checked(robot, actions))),
         transition_(count_entries()),
-        targets_(transition_.count()) {
-    for (const auto& action : actions) names_.push_back(action.name);
-    for (const auto& level : hierarchy_) {
+        targets_(transition_.count()),
+        names_(actions.size()),
+        levels_(hierarchy_.size()) {
+    for (std::size_t a = 0; a < actions.size(); ++a) names_[a] = actions[a].name;
+    for (std::size_t k = 0; k < levels_.size(); ++k) {
       Index rows = 0;
-      for (const auto& entry : level) {
+      for (const auto& entry : hierarchy_[k]) {
         rows += entry.task->rows();
-        const auto at = std::find(tasks_.begin(), tasks_.end(), entry.task);
-        task_of_.push_back(static_cast<std::size_t>(at - tasks_.begin()));
-        if (at == tasks_.end()) tasks_.push_back(entry.task);
+        task_of_.push_back(detail::append_once(*entry.task, tasks_));
       }
-      const auto column = detail::zeros<Vector<Scalar, Eigen::Dynamic>>(rows);
-      levels_.push_back(
-          {detail::zeros<JacobianMatrix<Scalar, R::size>>(rows, robot.dof()), column, column});
+      RobotLevel& level = levels_[k];
+      level.jacobian.resize(rows, robot.dof());
+      level.activation.resize(rows);
+      level.reference.resize(rows);
+      detail::fill(level.jacobian, Scalar(0));
+      detail::fill(level.activation, Scalar(0));
+      detail::fill(level.reference, Scalar(0));
     }
     wanted_.resize(tasks_.size());
   }
@@ -137,8 +140,8 @@ class LevelStack {
  private:
   static constexpr std::size_t none = static_cast<std::size_t>(-1);
 
-  static const std::vector<Action<R>>& checked(const R& robot,
-                                               const std::vector<Action<R>>& actions) {
+  [[gnu::cold]] static const std::vector<Action<R>>& checked(
+      const R& robot, const std::vector<Action<R>>& actions) {
     for (const auto& action : actions) {
       for (const auto& level : action.levels) {
         for (const Task<R>& task : level) {
@@ -185,16 +188,17 @@ class LevelStack {
     for (const auto& level : hierarchy_) count += level.size();
     return count;
   }
-  std::size_t find(std::string_view action) const noexcept {
-    return static_cast<std::size_t>(std::find(names_.begin(), names_.end(), action) -
-                                    names_.begin());
+  [[gnu::noinline]] std::size_t find(std::string_view action) const noexcept {
+    std::size_t index = 0;
+    while (index < names_.size() && names_[index] != action) ++index;
+    return index;
   }
   [[gnu::noinline]] void enter(std::size_t action) noexcept {
     set_targets(action);
     (void)transition_.set(targets_, clock_.elapsed());
     action_ = action;
   }
-  void set_targets(std::size_t action) noexcept {
+  [[gnu::noinline]] void set_targets(std::size_t action) noexcept {
     std::size_t i = 0;
     for (const auto& level : hierarchy_) {
       for (const auto& entry : level) targets_[i++] = entry.in_action[action] ? 1 : 0;

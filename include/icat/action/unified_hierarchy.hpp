@@ -23,7 +23,7 @@ template <Robot R>
 struct HierarchyEntry {
   /// Never null.
   Task<R>* task;
-  std::vector<bool> in_action;  ///< one for each action
+  std::vector<char> in_action;  ///< one for each action: 0 or 1
 };
 
 /// Levels of entries, the highest priority first.
@@ -331,17 +331,22 @@ struct ConflictingActions {
   }
 };
 
+/// Where `task` stands in `tasks`; at their end if it was not among them.
+template <Robot R>
+[[gnu::cold]] std::size_t append_once(Task<R>& task, std::vector<Task<R>*>& tasks) {
+  std::size_t i = 0;
+  while (i < tasks.size() && tasks[i] != &task) ++i;
+  if (i == tasks.size()) tasks.push_back(&task);
+  return i;
+}
+
 /// The tasks of all actions, each once: their numbers are the indices here.
 template <Robot R>
 [[gnu::cold]] std::vector<Task<R>*> distinct_tasks(const std::vector<Action<R>>& actions) {
   std::vector<Task<R>*> tasks;
   for (const Action<R>& action : actions) {
     for (const PriorityLevel<R>& level : action.levels) {
-      for (Task<R>& task : level) {
-        std::size_t i = 0;
-        while (i < tasks.size() && tasks[i] != &task) ++i;
-        if (i == tasks.size()) tasks.push_back(&task);
-      }
+      for (Task<R>& task : level) (void)append_once(task, tasks);
     }
   }
   return tasks;
@@ -405,12 +410,12 @@ template <Robot R>
     for (std::size_t t = 0, i = 0; t < tasks.size(); ++t) {
       if (!level[t]) continue;
       levels[k][i].task = tasks[t];
-      levels[k][i++].in_action = std::vector<bool>(actions.size());
+      levels[k][i++].in_action.assign(actions.size(), 0);
     }
     for (std::size_t a = 0; a < actions.size(); ++a) {
       if (!orders.fits(a, left[a], level)) continue;
       for (std::size_t t = 0, i = 0; t < tasks.size(); ++t) {
-        if (orders.heights(a)[t] == left[a]) levels[k][i].in_action[a] = true;
+        if (orders.heights(a)[t] == left[a]) levels[k][i].in_action[a] = 1;
         i += level[t];
       }
       --left[a];

@@ -196,6 +196,13 @@ template <class Items>
   invalid(owner, owner.empty() ? "" : ": ", "no ", what, " '", name, "'; there are ", names);
 }
 
+/// How errors call a task.
+[[gnu::cold]] inline std::string task_called(std::string_view name) {
+  std::string text("task '");
+  text.append(name).append("'");
+  return text;
+}
+
 /// The column of the joint called `name`; −1 where there is none. No allocation.
 template <JointedRobot R>
 Index column_of(const R& robot, std::string_view name) noexcept {

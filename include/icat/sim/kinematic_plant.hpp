@@ -48,6 +48,7 @@ class KinematicPlant {
       : options_(std::move(options)),
         base_motion_(6, 0),
         joints_(joint_columns(robot)),
+        actuated_(static_cast<std::size_t>(robot.dof()), true),
         q_(options_.q),
         base_(options_.base),
         relative_(detail::zeros<Velocity>(robot.dof())),
@@ -146,7 +147,6 @@ class KinematicPlant {
         detail::invalid("KinematicPlant: column ", c, " is neither a joint's nor the base's");
       }
     }
-    actuated_.assign(static_cast<std::size_t>(n), true);
   }
 
   Options options_;

@@ -20,8 +20,9 @@ class ColumnTask : public Task<R> {
   }
 
  private:
-  static Index checked(const R& robot, const Columns& columns, const std::string& name) {
-    check_columns("task '" + name + "'", columns, robot.dof());
+  [[gnu::cold]] static Index checked(const R& robot, const Columns& columns,
+                                     const std::string& name) {
+    check_columns(task_called(name), columns, robot.dof());
     return columns.size();
   }
   void compute() noexcept override {}

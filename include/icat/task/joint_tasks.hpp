@@ -71,9 +71,10 @@ class JointTask : public ReactiveTask<R> {
     }
     for (Index k = 0; k < values.size(); ++k) {
       if (!(values[k] > Scalar(0))) {
-        invalid("task '", this->name(), "': ", what, " of ",
-                values.for_all() ? std::string("all joints") : "joint '" + joint(k).name + "'",
-                " must be > 0, got ", values[k]);
+        std::string whose = "all joints";
+        if (!values.for_all()) whose.assign("joint '").append(joint(k).name).append("'");
+        invalid("task '", this->name(), "': ", what, " of ", whose, " must be > 0, got ",
+                values[k]);
       }
     }
   }
@@ -100,7 +101,7 @@ class JointTask : public ReactiveTask<R> {
   }
   [[gnu::cold]] static std::vector<Index> chosen(const R& robot, const std::string& name,
                                                  const std::vector<std::string>& joints) {
-    auto indices = joint_indices(robot, joints, "task '" + name + "'");
+    auto indices = joint_indices(robot, joints, task_called(name));
     for (std::size_t i = 0; joints.empty() && i < robot.joints().size(); ++i) {
       indices.push_back(static_cast<Index>(i));
     }
@@ -144,7 +145,9 @@ class JointLimits : public detail::JointTask<R> {
   [[gnu::cold]] JointLimits(const R& robot, Options options)
       : detail::JointTask<R>(robot, options.name, options.joints, false, options.gain),
         max_rate_(options.max_rate),
-        to_middle_(options.to_middle) {
+        to_middle_(options.to_middle),
+        objectives_(static_cast<std::size_t>(this->joint_count()),
+                    Objective<Scalar>::equal_to(Scalar(0))) {
     this->check("margin", options.margin);
     this->check("max_rate", options.max_rate);
     for (Index k = 0; k < this->joint_count(); ++k) {
@@ -159,7 +162,7 @@ class JointLimits : public detail::JointTask<R> {
         detail::invalid("task '", this->name(), "': a margin of ", margin, " leaves joint '",
                         joint.name, "' no room in [", joint.lower, ", ", joint.upper, "]");
       }
-      objectives_.push_back(objective(k, margin));
+      objectives_[static_cast<std::size_t>(k)] = objective(k, margin);
       this->jacobian_(k, this->column(k)) = Scalar(1);
     }
   }

@@ -162,8 +162,8 @@ class Manipulability : public ScalarTask<R> {
     detail::check_frame(robot, frame, task);
     std::vector<Index> columns;
     const auto& J = robot.jacobian(frame);
-    const Columns wanted =
-        names.empty() ? joint_columns(robot) : joint_columns(robot, names, "task '" + task + "'");
+    const Columns wanted = names.empty() ? joint_columns(robot)
+                                         : joint_columns(robot, names, detail::task_called(task));
     for (Index k = 0; k < wanted.size(); ++k) {
       bool moves = false;
       for (Index i = 0; i < 6; ++i) moves = moves || J(i, wanted[k]) != Scalar(0);
