@@ -27,6 +27,9 @@ build/bench/benchmarks/mission_benchmark || fail "mission_benchmark failed"
 say "Running: safe_gains, for docs/safety.md"
 build/bench/benchmarks/safe_gains >"$out/safe_gains.md" || fail "safe_gains failed"
 
+say "Running: saturation"
+build/bench/benchmarks/saturation >"$out/saturation.md" || fail "saturation failed"
+
 say "Running: worst_case, under callgrind"
 counts=$out/callgrind
 mkdir -p "$counts"

@@ -50,7 +50,8 @@ TEST_F(Allocation, NoneInTheSolver) {
     h.levels.push_back({gen.matrix(tall, h.dof), Eigen::VectorXd::Ones(tall), gen.matrix(tall, 1)});
     icat::VelocityBounds<double> bounds{Eigen::VectorXd::Constant(h.dof, -0.5),
                                         Eigen::VectorXd::Constant(h.dof, 0.5)};
-    icat::Tpik<double> tpik(h.dof);
+    constexpr icat::Saturation ways[] = {icat::Saturation::scale, icat::Saturation::redistribute};
+    icat::Tpik<double> tpik(h.dof, {.saturation = ways[seed % 2]});
     icat::Status status = icat::Status::not_started;
     const icat::VelocityBounds<double> none;
     EXPECT_EQ(count_allocations([&] { status = tpik.set_bounds(none); }), 0);

@@ -2,6 +2,8 @@
 // What the solver promises beyond equality with the oracle: inactive levels, bounds, bad input.
 #include <gtest/gtest.h>
 
+#include <icat/tpik/null_space_guidance.hpp>
+#include <icat/tpik/parametric_tpik.hpp>
 #include <icat/tpik/tpik.hpp>
 
 #include "support/oracle.hpp"
@@ -572,6 +574,90 @@ TEST(Regularization, BellsMeetThePlainInverseAtTheThreshold) {
   check(icat::DampedBellRegularization<float>{}, 0.0f);
   // Half-way up the bell, h = λ/2.
   EXPECT_NEAR(icat::BellRegularization<double>{}.inverse(5e-3), 1 / (5e-3 + 5e-5), 1e-9);
+}
+
+// --- numbers that are finite, and no speeds
+// -------------------------------------------------------
+
+template <class Scalar>
+class Implausible : public testing::Test {};
+using Scalars = testing::Types<float, double>;
+TYPED_TEST_SUITE(Implausible, Scalars);
+
+TYPED_TEST(Implausible, HugeNumbersAreRefusedAndTheRestIsServed) {
+  using S = TypeParam;
+  using M = Eigen::Matrix<S, Eigen::Dynamic, Eigen::Dynamic>;
+  using V = icat::Vector<S, Eigen::Dynamic>;
+  // 3e38 and 1e30 for float.
+  const S most = std::numeric_limits<S>::max(),
+          huge = std::is_same_v<S, float> ? S(1e30) : S(1e200);
+  for (const S bad : {S(1e7), huge, most}) {
+    for (const bool negative : {false, true}) {
+      const S x = negative ? -bad : bad;
+      icat::Tpik<S> tpik(4);
+      V one = V::Ones(1);
+      M J = M::Zero(1, 4), K = M::Zero(1, 4);
+      J(0, 0) = 1;
+      K(0, 1) = 1;
+      ASSERT_EQ(tpik.add_level(J, one, V(V::Constant(1, S(0.1)))), Status::ok);
+      const V before = tpik.velocity();
+      // A reference.
+      const Status status = tpik.add_level(K, one, V(V::Constant(1, x)));
+      EXPECT_EQ(status, Status::implausible);
+      EXPECT_EQ(V(tpik.velocity()), before);
+      EXPECT_EQ(tpik.report().status(), status);
+      EXPECT_EQ(tpik.report().failed_level(), 1);
+      ASSERT_EQ(tpik.add_level(K, one, V(V::Constant(1, S(0.2)))), Status::ok);
+      ASSERT_EQ(tpik.minimize_velocity(), Status::ok);
+      EXPECT_NEAR(tpik.velocity()(1), S(0.2), S(1e-6));
+
+      // A measurement: nothing moves.
+      V rho0 = V::Zero(4);
+      rho0(2) = x;
+      M Q0 = M::Identity(4, 4);
+      Q0(2, 2) = 0;
+      EXPECT_EQ(tpik.reset(rho0, Q0), Status::implausible);
+      EXPECT_EQ(tpik.report().status(), Status::implausible);
+      EXPECT_EQ(tpik.velocity().norm(), 0);
+      EXPECT_EQ(tpik.add_level(J, one, one), Status::ok);
+      EXPECT_EQ(tpik.minimize_velocity(), Status::ok);
+      EXPECT_EQ(tpik.velocity().norm(), 0);
+
+      // An element of a Jacobian, in a column that is given and in one that is not.
+      for (const Eigen::Index column : {2, 1}) {
+        SCOPED_TRACE(column);
+        rho0(2) = S(0.1);
+        ASSERT_EQ(tpik.reset(rho0, Q0), Status::ok);
+        M L = K;
+        L(0, column) = x;
+        (void)tpik.add_level(L, one, one);
+        (void)tpik.minimize_velocity();
+        EXPECT_LE(tpik.velocity().cwiseAbs().maxCoeff(), S(icat::implausible_speed));
+
+        icat::ParametricTpik<S, Eigen::Dynamic, 1> law(3);
+        M split(1, 4);
+        split << L(0, 0), L(0, 1), L(0, 3), L(0, 2);
+        const Status refused = law.add_level(split, one, one);
+        (void)law.minimize_velocity();
+        EXPECT_LE(law.rho().cwiseAbs().maxCoeff(), S(icat::implausible_speed));
+        EXPECT_LE(law.P().cwiseAbs().maxCoeff(), S(icat::implausible_speed));
+        if (column == 2) {
+          EXPECT_NE(refused, Status::ok);
+        }
+      }
+
+      // Bounds take it.
+      const V bound = V::Constant(4, S(0.5));
+      icat::Tpik<S> bounded(4, {.bounds = {-bound, bound}});
+      ASSERT_EQ(bounded.add_level(K, one, V(V::Constant(1, x / 2))), Status::ok);
+      EXPECT_LE(bounded.velocity().cwiseAbs().maxCoeff(), S(0.5));
+
+      icat::NullSpaceGuidance<S> guidance(4);
+      ASSERT_EQ(guidance.add_task(J, V(V::Constant(1, S(0.1)))), Status::ok);
+      EXPECT_EQ(guidance.add_task(K, V(V::Constant(1, x))), Status::implausible);
+      EXPECT_NEAR(guidance.velocity().norm(), S(0.1), S(1e-6));
+    }
+  }
 }
 
 }  // namespace

@@ -3,6 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
 #include <icat/tpik/tpik.hpp>
 
 #include "support/random_hierarchy.hpp"
@@ -176,6 +179,179 @@ TEST(Continuity, TheClosingLevelIsNotSkipped) {
   const VectorXd open = tpik.velocity();
   ASSERT_EQ(tpik.minimize_velocity(), Status::ok);
   EXPECT_GT((tpik.velocity() - open).norm(), 1e-3);
+}
+
+// --- at the velocity bounds ---------------------------------------------------------------------
+
+/// A smooth curve of hierarchies: rows that turn, vanish, cross a row of a level above or of their
+/// own, references that swing, activations that come and go. A seed alone reproduces one.
+class Curve {
+ public:
+  explicit Curve(unsigned seed) : gen_(seed), dof_(gen_.integer(3, 8)), start_(gen_.uniform(0, 1)) {
+    levels_.resize(static_cast<std::size_t>(gen_.integer(2, 5)));
+    for (std::size_t k = 0; k < levels_.size(); ++k) {
+      for (int rows = gen_.integer(1, std::min(4, dof_)); rows > 0; --rows) {
+        Row row{.middle = gen_.matrix(1, dof_), .swing = 0.5 * gen_.matrix(1, dof_)};
+        row.reference = gen_.normal();
+        row.reference_swing = gen_.normal();
+        row.phase = gen_.uniform(0, 6.28);
+        row.speed = gen_.uniform(0.5, 1.5);
+        row.kind = gen_.integer(0, 3);
+        row.partial = gen_.integer(0, 2) == 0;
+        if (k > 0) row.level = static_cast<std::size_t>(gen_.integer(0, static_cast<int>(k) - 1));
+        row.other = gen_.integer(0, 3);
+        levels_[k].push_back(row);
+      }
+    }
+  }
+  int dof() const { return dof_; }
+
+  /// A turn takes 50 to 200 s; rows' angles are 2π t / turn.
+  RandomHierarchy at(double t) const {
+    RandomHierarchy h{dof_, VectorXd::Zero(dof_), MatrixXd::Identity(dof_, dof_), {}};
+    for (std::size_t k = 0; k < levels_.size(); ++k) {
+      const auto n = static_cast<Eigen::Index>(levels_[k].size());
+      RandomLevel level{MatrixXd(n, dof_), VectorXd::Ones(n), VectorXd(n)};
+      for (Eigen::Index i = 0; i < n; ++i) {
+        const Row& row = levels_[k][static_cast<std::size_t>(i)];
+        const double angle = 6.2832 * row.speed * (start_ + t / 100) + row.phase;
+        level.J.row(i) = row.middle + std::sin(angle) * row.swing;
+        if (row.kind == 1) level.J.row(i) *= std::cos(angle);
+        if (row.kind == 2 && k > 0) {
+          const auto& above = h.levels[row.level].J;
+          level.J.row(i) = above.row(row.other % above.rows()) + std::cos(angle) * level.J.row(i);
+        }
+        if (row.kind == 3 && i > 0) {
+          level.J.row(i) = level.J.row(i - 1) + std::cos(angle) * level.J.row(i);
+        }
+        level.reference(i) = row.reference + std::sin(1.3 * angle) * row.reference_swing;
+        if (row.partial) {
+          const double s = std::clamp(0.5 + std::sin(0.7 * angle + 1), 0.0, 1.0);
+          level.a(i) = s * s * (3 - 2 * s);
+        }
+      }
+      h.levels.push_back(level);
+    }
+    return h;
+  }
+
+ private:
+  struct Row {
+    Eigen::RowVectorXd middle, swing;
+    double reference{0}, reference_swing{0}, phase{0}, speed{0};
+    int kind{0};  // 1 vanishes, 2 crosses a row of a level above, 3 one of its own level
+    bool partial{false};
+    std::size_t level{0};  // for kind 2, with the row
+    int other{0};
+  };
+  HierarchyGenerator gen_;
+  int dof_;
+  double start_;
+  std::vector<std::vector<Row>> levels_;
+};
+
+/// Counts alternating steps: three in a row of changing sign, each above 1e-3, in a component.
+class Alternations {
+ public:
+  void add(const VectorXd& step) {
+    for (Eigen::Index i = 0; i < step.size() && before_.size() > 0; ++i) {
+      const double a = before_(i), b = last_(i), c = step(i);
+      if (a * b < 0 && b * c < 0 && std::min({std::abs(a), std::abs(b), std::abs(c)}) > 1e-3) {
+        ++count;
+      }
+    }
+    before_ = last_;
+    last_ = step;
+  }
+  int count = 0;
+
+ private:
+  VectorXd before_, last_;
+};
+
+struct AtTheBounds {
+  int jumps = 0;         ///< curves with a step of ẏ that does not shrink with time
+  double largest = 0;    ///< such a step
+  int alternations = 0;  ///< of ẏ
+  int commanded = 0;     ///< alternations of the command behind motion limits
+  double command = 0;    ///< its largest step
+};
+
+constexpr double period = 1e-3, acceleration = 5;  // s; rad/s²
+
+/// 10 s of each of 60 curves, with bounds of ±0.5 rad/s. The command moves from the last one
+/// towards ẏ along a line, by `acceleration` times `period` at most in each component.
+AtTheBounds walk_curves(icat::Saturation saturation) {
+  AtTheBounds all;
+  constexpr int cycles = sanitized ? 300 : 10'000;
+  for (unsigned seed = 0; seed < (sanitized ? 6 : 60); ++seed) {
+    const Curve curve(seed);
+    const VectorXd bound = VectorXd::Constant(curve.dof(), 0.5);
+    icat::Tpik<double> tpik(curve.dof(), {.bounds = {-bound, bound}, .saturation = saturation});
+    const auto velocity = [&](double t) { return icat_velocity(tpik, curve.at(t)); };
+    Alternations answer, commands;
+    VectorXd last = velocity(0), command = last;
+    double worst = 0, at = 0;
+    for (int cycle = 1; cycle <= cycles; ++cycle) {
+      const VectorXd y = velocity(cycle * period);
+      answer.add(y - last);
+      const double step = (y - last).lpNorm<Eigen::Infinity>();
+      if (step > worst) at = (cycle - 1) * period;
+      worst = std::max(worst, step);
+      last = y;
+      const double far = (y - command).lpNorm<Eigen::Infinity>();
+      const VectorXd move = std::min(1.0, acceleration * period / far) * (y - command);
+      command += move;
+      commands.add(move);
+      all.command = std::max(all.command, move.lpNorm<Eigen::Infinity>());
+    }
+    all.alternations += answer.count;
+    all.commanded += commands.count;
+    // The worst step walked in ten, of which the worst in ten, and so on down to 1e-6 of it.
+    double width = period;
+    for (int depth = 0; depth < 6; ++depth, width /= 10) {
+      const double from = at;
+      VectorXd previous = velocity(from);
+      worst = 0;
+      for (int k = 1; k <= 10; ++k) {
+        const VectorXd y = velocity(from + width * k / 10);
+        const double step = (y - previous).lpNorm<Eigen::Infinity>();
+        if (step > worst) at = from + width * (k - 1) / 10;
+        worst = std::max(worst, step);
+        previous = y;
+      }
+    }
+    if (worst > 1e-3) ++all.jumps;
+    all.largest = std::max(all.largest, worst);
+  }
+  testing::Test::RecordProperty("jumps", all.jumps);
+  std::printf("jumps %d, up to %.3g; alternations %d, behind motion limits %d, steps to %.3g\n",
+              all.jumps, all.largest, all.alternations, all.commanded, all.command);
+  return all;
+}
+
+// Documented, see docs/solver.md: as published ẏ jumps at the bounds.
+TEST(ContinuityAtTheBounds, PublishedScalingJumps) {
+  const AtTheBounds all = walk_curves(icat::Saturation::scale);
+  EXPECT_LE(all.command, acceleration * period * (1 + 1e-9));
+  if (!sanitized) {
+    EXPECT_GT(all.jumps, 10);
+    EXPECT_GT(all.largest, 0.3);
+  }
+}
+
+TEST(ContinuityAtTheBounds, ContinuousScalingDoesNot) {
+  const AtTheBounds all = walk_curves(icat::Saturation::continuous_scale);
+  EXPECT_EQ(all.jumps, 0);
+  EXPECT_EQ(all.commanded, 0);
+  EXPECT_LE(all.command, acceleration * period * (1 + 1e-9));
+}
+
+TEST(ContinuityAtTheBounds, RedistributionDoesNot) {
+  const AtTheBounds all = walk_curves(icat::Saturation::redistribute);
+  EXPECT_EQ(all.jumps, 0);
+  EXPECT_EQ(all.commanded, 0);
+  EXPECT_LE(all.command, acceleration * period * (1 + 1e-9));
 }
 
 }  // namespace

@@ -86,7 +86,8 @@ class BaseCompensation {
     return status == Status::ok ? run_law(levels) : status;
   }
   /// q̇ = ρ̃ + P v of the last `solve_law`, for the base's velocity `measured`; scaled as a whole
-  /// into the velocity bounds. Zero where `measured` is not finite or of the wrong size.
+  /// into the velocity bounds. Zero where `measured` is of the wrong size, or it or what follows
+  /// from it is not finite or faster than `implausible_speed`.
   template <class V>
   const JointVelocity& joint_velocity(const Eigen::MatrixBase<V>& measured) noexcept {
     detail::fill(joint_velocity_, Scalar(0));
@@ -99,7 +100,7 @@ class BaseCompensation {
       // Nothing may be commanded there, not even what rounding leaves.
       if (tpik_.is_given(columns_[static_cast<std::size_t>(i)])) wanted_(i) = Scalar(0);
     }
-    if (!detail::all_finite(wanted_)) return joint_velocity_;
+    if (detail::check_speeds(wanted_.size(), wanted_.data()) != Status::ok) return joint_velocity_;
     const Index n = wanted_.size();
     const Scalar scale = bounds_.scale(n, joint_velocity_.data(), wanted_.data());
     bounds_.advance(n, joint_velocity_.data(), wanted_.data(), scale);

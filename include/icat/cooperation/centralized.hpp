@@ -149,6 +149,7 @@ class CentralizedController {
     typename Solver::Options o;
     o.regularization = options.regularization;
     o.projection_weight = options.projection_weight;
+    o.saturation = options.saturation;
     const auto copies = static_cast<Index>(members.size());
     o.bounds = {options.bounds.lower.replicate(copies, 1),
                 options.bounds.upper.replicate(copies, 1)};

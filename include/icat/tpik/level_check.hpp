@@ -13,7 +13,26 @@
 #include "icat/math/panel.hpp"
 #include "icat/tpik/report.hpp"
 
+namespace icat {
+
+/// No robot moves as fast, in m/s or rad/s: a level, or a given velocity, that would take a
+/// component of ẏ beyond it is refused (`implausible`). The bell amplifies a rate by 50 at most, so
+/// that any rate in earnest stays far below; 1e200 in a Jacobian or a measurement does not.
+inline constexpr double implausible_speed = 1e6;
+
+}  // namespace icat
+
 namespace icat::detail {
+
+/// `ok`, `numerical_failure` (not finite) or `implausible`.
+template <class Scalar>
+Status check_speeds(Index n, const Scalar* velocity) noexcept {
+  if (!all_finite(n, velocity)) return Status::numerical_failure;
+  for (Index i = 0; i < n; ++i) {
+    if (std::abs(velocity[i]) > Scalar(implausible_speed)) return Status::implausible;
+  }
+  return Status::ok;
+}
 
 template <class T>
 inline constexpr bool is_constant = false;

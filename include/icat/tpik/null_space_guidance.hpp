@@ -76,17 +76,16 @@ class NullSpaceGuidance {
     const auto input = detail::level_input<Scalar>(j, active, r);
     LevelReport<Scalar> level = detail::check_level(input, dof());
     if (level.status == Status::ok && level.rows > 0) {
-      if (solve(j, r, level)) {
+      level.status = solve(j, r, level);
+      if (level.status == Status::ok) {
         detail::report_rates<N>(input, dof(), velocity_.data(), level);
-      } else {
-        level.status = Status::numerical_failure;
       }
     }
     report_.add(level);
     return level.status;
   }
 
-  /// ζ of the tasks so far, n. Always finite.
+  /// ζ of the tasks so far, n. Always finite, and within `implausible_speed`.
   const VectorN& velocity() const noexcept { return velocity_; }
   /// Since the last reset; a level is a task.
   const TpikReport<Scalar>& report() const noexcept { return report_; }
@@ -108,19 +107,20 @@ class NullSpaceGuidance {
     return dof;
   }
 
-  /// False, and nothing changed, if anything overflowed.
+  /// Not `ok`, and nothing changed, if anything overflowed or is faster than any robot.
   template <class J, class R>
-  bool solve(const J& jacobian, const R& reference_rate, LevelReport<Scalar>& level) noexcept {
+  Status solve(const J& jacobian, const R& reference_rate, LevelReport<Scalar>& level) noexcept {
     Index count = std::min(level.rows, dof());
     const Index full_rank = count;
     load(jacobian, reference_rate);
-    if (!orthogonalize(count)) return false;
+    if (!orthogonalize(count)) return Status::numerical_failure;
     count = keep_significant(count);
     increment_.setZero();
     for (Index i = 0; i < count; ++i) increment_ += rate_(i) * rows_.col(i);
     project(increment_);
     next_ = velocity_ + increment_;
-    if (!next_.allFinite()) return false;
+    const Status status = detail::check_speeds(dof(), next_.data());
+    if (status != Status::ok) return status;
     velocity_ = next_;
     for (Index i = 0; i < count && rank_ < dof(); ++i) {
       project(rows_.col(i));
@@ -128,7 +128,7 @@ class NullSpaceGuidance {
       if (rest > tolerance_) basis_.col(rank_++) = rows_.col(i) / rest;
     }
     level.regularized = count < full_rank;
-    return true;
+    return Status::ok;
   }
 
   /// Rows of J as columns, and r, both over the largest element of J, which J⁺r does not notice but

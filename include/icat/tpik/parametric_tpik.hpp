@@ -65,7 +65,8 @@ class ParametricTpik {
   }
 
   /// One iteration. `jacobian` is `[Jᵃ Jᵛ]`, m × (N + Parameters); the rest as in
-  /// `Tpik::add_level`, and so are errors and allocation. The report's rates are those for v = 0.
+  /// `Tpik::add_level`, and so are errors (for each element of ρ̃ and P) and allocation. The
+  /// report's rates are those for v = 0.
   template <class J, class A, class R>
   Status add_level(const Eigen::MatrixBase<J>& jacobian, const Eigen::MatrixBase<A>& activation,
                    const Eigen::MatrixBase<R>& reference) noexcept {
@@ -153,10 +154,8 @@ class ParametricTpik {
     for (Index c = 0; c < columns; ++c) {
       for (Index i = 0; i < dof(); ++i) next_law_(i, c) = law_(i, c) + increment(i, c);
     }
-    if (!detail::all_finite(law_.size(), next_law_.data())) {
-      level.status = Status::numerical_failure;
-      return false;
-    }
+    level.status = detail::check_speeds(law_.size(), next_law_.data());
+    if (level.status != Status::ok) return false;
     std::copy_n(next_law_.data(), law_.size(), law_.data());
     return true;
   }

@@ -20,6 +20,8 @@ struct LevelReport {
   Index active_rows{0};        ///< rows with activation > 0
   bool regularized{false};     ///< a singular value of the level's `XᵀAX` lay below the threshold
   Scalar saturation_scale{1};  ///< factor on the level's increment, 1 where the bounds allow it all
+  Index saturated{0};          ///< components at a bound that the whole increment would pass
+  Index saturation_steps{0};   ///< components held or let go to find those: `redistribute` alone
   Scalar requested_rate{0};    ///< ‖A ẋ̄‖
   Scalar achieved_rate{0};     ///< ‖A J ρ‖
   Scalar tracking_error{0};    ///< ‖A (ẋ̄ − J ρ)‖

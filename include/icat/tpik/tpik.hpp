@@ -17,6 +17,7 @@
 
 #include "icat/tpik/level_check.hpp"
 #include "icat/tpik/priority_iteration.hpp"
+#include "icat/tpik/redistribution.hpp"
 #include "icat/tpik/velocity_bounds.hpp"
 
 namespace icat {
@@ -39,6 +40,7 @@ class Tpik {
     Scalar projection_weight{1};  ///< η of Eq. (20), > 0; the paper has 1
     /// None by default; `set_bounds` changes them.
     VelocityBounds<Scalar, N> bounds{};
+    Saturation saturation{Saturation::scale};  ///< of a level at the bounds; as published
   };
 
   /// Static size, default options. All constructors throw `std::invalid_argument` on parameters out
@@ -74,29 +76,35 @@ class Tpik {
   void reset() noexcept {
     detail::fill(rho_, Scalar(0));
     iteration_.reset();
-    report_.clear();
+    clear();
   }
 
   /// Start of a system that is not fully actuated [Coop, Eq. (31)] or constrained [Coop, IV]:
   /// `rho0` (n) is the velocity that is given anyway, `Q0` (n × n) the projector onto what may be
-  /// chosen. On bad input ρ₀ = 0 and Q₀ = 0, so that nothing moves; the report holds the status.
+  /// chosen. On bad input (wrong size, not finite, faster than `implausible_speed`) ρ₀ = 0 and
+  /// Q₀ = 0, so that nothing moves; the report holds the status.
   template <class R, class Q>
   Status reset(const Eigen::MatrixBase<R>& rho0, const Eigen::MatrixBase<Q>& Q0) noexcept {
-    report_.clear();
+    clear();
     const detail::Readable<R> rho0_value(rho0.derived());
     const detail::Readable<Q> Q0_value(Q0.derived());
     const detail::Input<Scalar> velocity(rho0_value), projector(Q0_value);
     const bool by_row = velocity.rows == 1;
     const bool sized = velocity.rows * velocity.cols == dof() && (by_row || velocity.cols == 1) &&
                        projector.rows == dof() && projector.cols == dof();
-    if (!sized || !velocity.finite() || !projector.finite()) {
+    Status status = !sized                                    ? Status::wrong_size
+                    : velocity.finite() && projector.finite() ? Status::ok
+                                                              : Status::non_finite;
+    if (status == Status::ok) {
+      for (Index i = 0; i < dof(); ++i) rho_(i) = by_row ? velocity(0, i) : velocity(i);
+      status = detail::check_speeds(dof(), rho_.data());
+    }
+    if (status != Status::ok) {
       detail::fill(rho_, Scalar(0));
       iteration_.reset_to_zero();
-      const Status status = sized ? Status::non_finite : Status::wrong_size;
       report_.fail(status, -1, -1);
       return status;
     }
-    for (Index i = 0; i < dof(); ++i) rho_(i) = by_row ? velocity(0, i) : velocity(i);
     iteration_.reset(projector);
     return Status::ok;
   }
@@ -125,7 +133,7 @@ class Tpik {
     level.rows = level.active_rows = dof();
     if (!iteration_.close(rho_)) {
       level.status = Status::numerical_failure;
-    } else if (advance(level)) {
+    } else if (advance(level, true)) {
       Scalar square(0);
       for (Index i = 0; i < dof(); ++i) square += rho_(i) * rho_(i);
       level.achieved_rate = level.tracking_error = std::sqrt(square);
@@ -134,7 +142,8 @@ class Tpik {
     return level.status;
   }
 
-  /// ρ after the last level, n: after `minimize_velocity`, ẏ. Always finite.
+  /// ρ after the last level, n: after `minimize_velocity`, ẏ. Always finite, and within
+  /// `implausible_speed`.
   const VectorN& velocity() const noexcept { return rho_; }
   /// Q after the last `add_level`, n × n: what the levels so far leave to those below. Formed when
   /// asked for, in O(n³); no allocation.
@@ -146,6 +155,8 @@ class Tpik {
   [[gnu::cold]] Tpik(Index dof, const Options& options, int)
       : options_(validated(options, dof)),
         iteration_(dof, options.regularization, options.projection_weight),
+        redistribution_(N != Eigen::Dynamic || options.saturation == Saturation::redistribute ? dof
+                                                                                              : 0),
         rho_(detail::zeros<VectorN>(dof)),
         next_rho_(detail::zeros<VectorN>(dof)) {
     // Memory for all that `set_bounds` may bring.
@@ -164,7 +175,16 @@ class Tpik {
     return options;
   }
 
+  void clear() noexcept {
+    report_.clear();
+    place_ = 0;
+  }
+
   Status add(const detail::LevelInput<Scalar>& input) noexcept {
+    ++place_;
+    if (options_.saturation != Saturation::scale) {
+      share_ = Scalar(1) - Scalar(1) / Scalar(20 * (place_ + 1));
+    }
     LevelReport<Scalar> level = detail::check_level(input, dof());
     if (level.status == Status::ok && level.active_rows > 0) {
       iteration_.begin(level.active_rows);
@@ -174,8 +194,7 @@ class Tpik {
       }
       if (!iteration_.solve()) {
         level.status = Status::numerical_failure;
-      } else if (advance(level)) {
-        iteration_.accept();
+      } else if (advance(level, false)) {
         level.regularized = iteration_.regularized();
         detail::report_rates<N>(input, dof(), rho_.data(), level);
       }
@@ -184,27 +203,57 @@ class Tpik {
     return level.status;
   }
 
-  /// ρ += Sat(Δ); false, and ρ as it was, if that overflows.
-  bool advance(LevelReport<Scalar>& level) noexcept {
+  /// ρ += Sat(Δ), and Q becomes that after the level; false, and both as they were, where that
+  /// is no speed.
+  bool advance(LevelReport<Scalar>& level, bool closing) noexcept {
     const Scalar* increment = iteration_.increment.data();
+    const Scalar share = bounded_ && !closing ? share_ : Scalar(1);
     std::copy_n(rho_.data(), dof(), next_rho_.data());
     if (bounded_) {
-      level.saturation_scale = options_.bounds.scale(dof(), rho_.data(), increment);
-      options_.bounds.advance(dof(), next_rho_.data(), increment, level.saturation_scale);
+      level.saturation_scale = options_.bounds.scale(dof(), rho_.data(), increment, share);
+      options_.bounds.advance(dof(), next_rho_.data(), increment, level.saturation_scale, share);
     } else {
       for (Index i = 0; i < dof(); ++i) next_rho_(i) += increment[i];
     }
-    if (!detail::all_finite(dof(), next_rho_.data())) {
-      level.status = Status::numerical_failure;
-      return false;
-    }
+    level.status = detail::check_speeds(dof(), next_rho_.data());
+    if (level.status != Status::ok) return false;
+    if (!closing) iteration_.accept();
+    if (level.saturation_scale < Scalar(1)) saturate(level, share);
     std::copy_n(next_rho_.data(), dof(), rho_.data());
     return true;
   }
 
+  /// The increment passes a bound, and next_rho_ is ρ + Sat(Δ) as published.
+  void saturate(LevelReport<Scalar>& level, Scalar share) noexcept {
+    const Scalar* increment = iteration_.increment.data();
+    // A component that starts outside may stay there.
+    const auto lower = [&](Index i) { return std::min(share * options_.bounds.lower(i), rho_(i)); };
+    const auto upper = [&](Index i) { return std::max(share * options_.bounds.upper(i), rho_(i)); };
+    if (options_.saturation != Saturation::redistribute) {
+      for (Index i = 0; i < dof(); ++i) {
+        const Scalar wanted = rho_(i) + increment[i];
+        level.saturated += wanted < lower(i) || wanted > upper(i) ? 1 : 0;
+      }
+      return;
+    }
+    const Scalar s =
+        redistribution_.solve(iteration_.projector(), rho_.data(), increment, lower, upper);
+    const Scalar* shared = redistribution_.increment.data();
+    if (detail::check_speeds(dof(), shared) != Status::ok) return;  // as published, then
+    level.saturated = redistribution_.held;
+    level.saturation_steps = redistribution_.steps;
+    const Scalar rest = options_.bounds.scale(dof(), rho_.data(), shared, share);
+    level.saturation_scale = s * rest;
+    std::copy_n(rho_.data(), dof(), next_rho_.data());
+    options_.bounds.advance(dof(), next_rho_.data(), shared, rest, share);
+  }
+
   Options options_;
+  Scalar share_{1};      // of the bounds, that the present level may use
+  Index place_{0};       // of the present level, from 1
   bool bounded_{false};  // any component of options_.bounds
   detail::PriorityIteration<Scalar, N, 1, Regularization> iteration_;
+  detail::Redistribution<Scalar, N> redistribution_;
   VectorN rho_, next_rho_;
   TpikReport<Scalar> report_;
 };

@@ -19,6 +19,19 @@
 
 namespace icat {
 
+/// What happens to a level whose increment would take a component past its bound.
+enum class Saturation {
+  /// As published: the increment is scaled as a whole. Where a level above has left a component at
+  /// its bound, a level that begins to push on it stops at once: ẏ jumps.
+  scale,
+  /// The same, continuous: level k of a hierarchy, from 1, may use the share 1 − 0.05 / (k + 1) of
+  /// the bounds, the closing level all. So every level finds room; an inactive one keeps its place.
+  continuous_scale,
+  /// With the room of `continuous_scale`, the component stops at its bound and others take over in
+  /// the null space of the level; what they cannot is scaled. See redistribution.hpp.
+  redistribute
+};
+
 /// Bounds on each component of ẏ (rad/s, m/s), `lower ≤ 0 ≤ upper`; infinities leave a component
 /// free. By default all are free; of dynamic size a side is then empty, and read as infinite.
 template <class Scalar, int N = Eigen::Dynamic>
@@ -68,9 +81,10 @@ struct VelocityBounds {
     return false;
   }
 
-  /// The factor s above, for `n` components. A component that starts outside may move towards its
-  /// bounds only.
-  Scalar scale(Index n, const Scalar* rho, const Scalar* delta) const noexcept {
+  /// The factor s above, for `n` components and `share` of the bounds. A component that starts
+  /// outside may move towards its bounds only.
+  Scalar scale(Index n, const Scalar* rho, const Scalar* delta,
+               Scalar share = Scalar(1)) const noexcept {
     Scalar s(1), largest(0);
     for (Index i = 0; i < n; ++i) largest = std::max(largest, std::abs(delta[i]));
     // What rounding leaves in a component that a higher level holds at its bound must not stop the
@@ -79,7 +93,8 @@ struct VelocityBounds {
     for (Index i = 0; i < n; ++i) {
       const Scalar d = delta[i];
       if (std::abs(d) <= rounding) continue;
-      const Scalar room = d > Scalar(0) ? upper_of(i) - rho[i] : lower_of(i) - rho[i];
+      const Scalar room =
+          d > Scalar(0) ? share * upper_of(i) - rho[i] : share * lower_of(i) - rho[i];
       // Compared by multiplication: room / d could overflow for a tiny d.
       if (std::abs(room) >= s * std::abs(d) && (room > Scalar(0)) == (d > Scalar(0))) continue;
       s = (room > Scalar(0)) == (d > Scalar(0)) ? room / d : Scalar(0);
@@ -88,10 +103,12 @@ struct VelocityBounds {
   }
 
   /// `rho += s delta`; rounding cannot carry a component past a bound it was inside of.
-  void advance(Index n, Scalar* rho, const Scalar* delta, Scalar s) const noexcept {
+  void advance(Index n, Scalar* rho, const Scalar* delta, Scalar s,
+               Scalar share = Scalar(1)) const noexcept {
     for (Index i = 0; i < n; ++i) {
       const Scalar next = rho[i] + s * delta[i];
-      rho[i] = std::clamp(next, std::min(lower_of(i), rho[i]), std::max(upper_of(i), rho[i]));
+      rho[i] = std::clamp(next, std::min(share * lower_of(i), rho[i]),
+                          std::max(share * upper_of(i), rho[i]));
     }
   }
 
