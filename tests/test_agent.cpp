@@ -57,6 +57,38 @@ TEST(Agent, InAFadeBothToolsMoveAlike) {
   }
 }
 
+// A fault of its own, short or long: out and back without a jump, and a stop that is said again and
+// again ends.
+TEST(Agent, FaultsAndStopsFadeOutAndBack) {
+  for (const int bad : {20, 80}) {
+    Pair pair(false);
+    pair.start("carry");
+    for (int k = 0; k < 20; ++k) pair.cycle(0.01 * k);
+    auto& agent = *pair.agents[0];
+    Vector13d last = agent.command();
+    double largest = 0;
+    for (int k = 20; k < 400; ++k) {
+      const double t = 0.01 * k;
+      const bool stale = k < 20 + bad;
+      if (k >= 200) {
+        ASSERT_EQ(agent.stop(t, 1), Status::ok);
+      }
+      for (auto& a : pair.agents) ASSERT_EQ(a->propose(t), Status::ok);
+      ASSERT_EQ(pair.agents[1]->receive(0, k, agent.send(k)), Status::ok);
+      ASSERT_EQ(agent.receive(1, k, pair.agents[1]->send(k)), Status::ok);
+      EXPECT_EQ(agent.step(t, {.state = stale ? 1.0 : 0.0}),
+                stale ? Status::stale_state : Status::ok);
+      largest = std::max(largest, (agent.command() - last).norm());
+      last = agent.command();
+      if (k == 199) {
+        EXPECT_GT(last.norm(), 0.05);
+      }
+    }
+    EXPECT_LT(largest, 0.06) << bad;
+    EXPECT_LT(last.norm(), 1e-12);
+  }
+}
+
 // Beyond the paper: the mean pulls the tool of a through its ceiling, the intersection does not.
 TEST(Agent, TheMeanDisturbsASafetyTaskTheIntersectionOfSpansDoesNot) {
   for (const bool spans : {false, true}) {

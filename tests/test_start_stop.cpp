@@ -263,4 +263,157 @@ TEST_F(StartStop, RefusesBadSettings) {
   EXPECT_NE(with({.ramp = NAN}).find("ramp"), std::string::npos);
 }
 
+// --- the same for all controllers: said again and again, in the middle of other things
+// ------------
+
+/// Two slides with limits of acceleration that go to (3, 0.3), at 100 Hz.
+struct Slides {
+  using Tree = icat::KinematicTree<double>;
+  Slides(double acceleration, double fastest)
+      : robot({.joints = {{.name = "a",
+                           .parent = "base",
+                           .link = "a",
+                           .type = icat::JointType::prismatic,
+                           .max_velocity = fastest,
+                           .max_acceleration = acceleration},
+                          {.name = "b",
+                           .parent = "a",
+                           .link = "b",
+                           .type = icat::JointType::prismatic,
+                           .axis = {1, 0, 0},
+                           .max_velocity = fastest,
+                           .max_acceleration = acceleration}}}),
+        there(robot, Eigen::Vector2d(3, 0.3), {.gain = 1}),
+        controller(robot, {{"go", {{there}}}}) {}
+  /// A cycle; how much the command changed.
+  double cycle(double stamp, icat::InputAge age = {}) {
+    const Eigen::VectorXd last = controller.command();
+    status = controller.step(stamp, age);
+    EXPECT_EQ(robot.update((robot.q() + 0.01 * controller.command()).eval()), Status::ok);
+    return (controller.command() - last).cwiseAbs().maxCoeff();
+  }
+  Tree robot;
+  task::JointPosition<Tree> there;
+  icat::Controller<Tree> controller;
+  Status status{};
+};
+
+TEST(SaidAgain, StopInEveryCycleStops) {
+  for (const bool before : {false, true}) {
+    Slides slides(icat::infinity<double>, 0.5);
+    ASSERT_EQ(slides.controller.start("go", 0), Status::ok);
+    for (int k = 0; k < 400; ++k) {
+      if (!before) (void)slides.cycle(0.01 * k);
+      if (k >= 100) {
+        ASSERT_EQ(slides.controller.stop(0.01 * k, 1), Status::ok);
+      }
+      if (before) (void)slides.cycle(0.01 * k);
+      if (k == 99) {
+        EXPECT_GT(slides.controller.command().norm(), 0.4);
+      }
+    }
+    EXPECT_EQ(slides.controller.command(), Eigen::Vector2d::Zero());
+  }
+}
+
+// What comes and goes holds no old command: each good cycle solves anew.
+TEST(SaidAgain, InputThatIsStaleNowAndThenHoldsNoOldCommand) {
+  for (const int period : {2, 5}) {
+    Slides slides(icat::infinity<double>, 5);
+    ASSERT_EQ(slides.controller.start("go", 0), Status::ok);
+    for (int k = 0; k < 2000; ++k) {
+      (void)slides.cycle(0.01 * k, {.state = k % period == 0 ? 0.05 : 0.15});
+      EXPECT_LE(slides.robot.q()(0), 3 + 1e-3);
+    }
+  }
+}
+
+TEST(SaidAgain, StepsBeforeTheStartAndStampsFarAheadKeepTheAccelerationLimit) {
+  Slides slides(1, 5);
+  for (int k = 0; k < 500; ++k) EXPECT_EQ(slides.controller.step(0.01 * k), Status::not_started);
+  ASSERT_EQ(slides.controller.start("go", 5), Status::ok);
+  double stamp = 5;
+  for (int k = 0; k < 600; ++k) {
+    stamp += k % 100 == 50 ? 3600 : k % 100 == 70 ? -500 : 0.01;
+    // The first cycle is 0.02 s after the last step; a usual step is a mean that begins there.
+    EXPECT_LE(slides.cycle(stamp), k == 0 ? 0.02 + 1e-9 : 0.01 + 1e-4) << k;
+  }
+}
+
+TEST(SaidAgain, ALoopSlowerThanItsLongestPeriodIsTold) {
+  Slides slides(1, 5);
+  ASSERT_EQ(slides.controller.start("go", 0), Status::ok);
+  for (int k = 1; k <= 200; ++k) (void)slides.cycle(0.2 * k);
+  EXPECT_EQ(slides.status, Status::clock_stalled);
+  EXPECT_EQ(slides.controller.command(), Eigen::Vector2d::Zero());
+}
+
+TEST(SaidAgain, StampsThatStandStillStopInTime) {
+  for (const bool switches : {false, true}) {
+    Slides slides(icat::infinity<double>, 5);
+    ASSERT_EQ(slides.controller.start("go", 0), Status::ok);
+    for (int k = 0; k < 100; ++k) {
+      if (switches) (void)slides.controller.switch_to("go", 0.01 * k - 2e-5, 1);
+      (void)slides.cycle(0.01 * k);
+    }
+    int cycles = 0;
+    while (slides.controller.command().norm() > 0 && cycles < 1000) {
+      (void)slides.controller.step(NAN);
+      ++cycles;
+    }
+    EXPECT_NEAR(0.01 * cycles, 0.6, 0.05) << switches;
+  }
+}
+
+TEST(SaidAgain, AColumnThatIsGivenDuringAStopStaysStill) {
+  Slides slides(icat::infinity<double>, 5);
+  ASSERT_EQ(slides.controller.start("go", 0), Status::ok);
+  for (int k = 0; k < 50; ++k) (void)slides.cycle(0.01 * k);
+  ASSERT_EQ(slides.controller.stop(0.5, 2), Status::ok);
+  for (int k = 50; k < 120; ++k) (void)slides.cycle(0.01 * k);
+  ASSERT_EQ(slides.controller.set_given("a", true), Status::ok);
+  (void)slides.cycle(1.2);
+  ASSERT_EQ(slides.controller.set_given("a", false), Status::ok);
+  (void)slides.cycle(1.21);
+  EXPECT_EQ(slides.controller.command()(0), 0);
+}
+
+// A fault in a slow fade: the fade goes on where it was.
+TEST(SaidAgain, AFaultDoesNotShortenAFade) {
+  Slides slides(icat::infinity<double>, 5);
+  ASSERT_EQ(slides.controller.switch_to("go", 0, 10), Status::ok);
+  double largest = 0;
+  for (int k = 0; k < 600; ++k) {
+    const double stale = k >= 100 && k < 120 ? 1.0 : 0.0;
+    const double change = slides.cycle(0.01 * k, {.state = stale});
+    largest = std::max(largest, change);
+    EXPECT_LE(slides.controller.command().cwiseAbs().maxCoeff(),
+              3 * icat::smooth_step(0.001 * k) + 1e-9);
+  }
+  EXPECT_LT(largest, 0.05);
+}
+
+// A base at its limit of velocity goes where it is to go, all columns in proportion.
+TEST(SaidAgain, ABaseAtItsVelocityLimitStillTurns) {
+  using Tree = icat::KinematicTree<double>;
+  Tree robot({.joints = {{.name = "arm", .parent = "boat", .link = "arm"}},
+              .base = icat::Base<double>::surface()});
+  task::FramePosition<Tree> there(robot, robot.base(), icat::Vector3<double>(0.25, 0.25, 0),
+                                  {.axes = {.z = false}, .gain = 1});
+  const icat::MotionLimits<Tree> limits(
+      robot, {.base_velocity = {0.3, 0.3, 0.3}, .base_acceleration = {1, 1, 1}});
+  icat::Controller<Tree> controller(robot, {{"go", {{there}}}}, {.limits = limits});
+  ASSERT_EQ(controller.start("go", 0), Status::ok);
+  for (int k = 0; k < 6000; ++k) {
+    if (k == 30) {
+      ASSERT_EQ(there.set_goal(icat::Vector3<double>(10, 0.25, 0)), Status::ok);
+    }
+    ASSERT_EQ(controller.step(0.01 * k), Status::ok);
+    ASSERT_EQ(testing_support::drive(robot, controller.command(), 0.01), Status::ok);
+    EXPECT_LT(robot.pose(robot.base()).translation().y(), 0.3);
+  }
+  EXPECT_NEAR(robot.pose(robot.base()).translation().x(), 10, 1e-3);
+  EXPECT_NEAR(robot.pose(robot.base()).translation().y(), 0.25, 1e-3);
+}
+
 }  // namespace

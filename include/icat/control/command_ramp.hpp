@@ -3,12 +3,14 @@
 /// Starting, stopping, and what happens on input that is refused: how much of what a solver answers
 /// is commanded.
 ///
-///     wanted = (1 − s) · what was commanded when the ramp began + s · aim,   s from 0 to 1
+///     wanted = f · ((1 − s) · what was commanded when the ramp began + s · aim)
 ///
-/// The aim is the solver's answer; zero after `stop`, and zero while input is refused for longer
-/// than `hold`. From rest that is s times the answer: the activations are all in place, so the
-/// order of priorities holds from the first cycle.
+/// s goes from 0 to 1; the aim is the solver's answer, or zero after `stop`. From rest that is s
+/// times the answer: the activations are all in place, so the order of priorities holds from the
+/// first cycle. f goes to 0 while input is refused for longer than `hold`, and back to 1.
 #pragma once
+
+#include <algorithm>
 
 #include "icat/core/error.hpp"
 #include "icat/core/status.hpp"
@@ -20,7 +22,7 @@ namespace icat {
 
 /// What a controller does about time and about input that is missing, late or refused.
 struct TimeOptions {
-  double max_step{0.1};  ///< longest step, s, > 0; see StepClock
+  double max_step{0.1};  ///< longest period of the loop, s, > 0; see StepClock
   double hold{0.1};      ///< s, > 0: after so long a fault, and for inputs of this age, it stops
   double ramp{0.5};      ///< s, > 0: then the command goes to zero, and back when all is well
 };
@@ -52,58 +54,55 @@ class CommandRamp {
   void resume(double duration, const Velocity& command, double pending) noexcept {
     if (!runs_) aim(true, duration, command, pending);
   }
-  /// From `command` to zero.
+  /// From `command` to zero. Said again it may end earlier, not later.
   void stop(double duration, const Velocity& command, double pending) noexcept {
-    aim(false, duration, command, pending);
+    if (runs_ || duration < duration_ - elapsed_) aim(false, duration, command, pending);
   }
+  /// What is commanded in column `c` is none of this object's any more.
+  void forget(Index c) noexcept { from_(c) = Scalar(0); }
 
   /// The outcome of a cycle. While input is refused time passes as usual, whatever the stamps say.
-  void update(Status status, Cycle cycle, const Velocity& command) noexcept {
+  void update(Status status, Cycle cycle) noexcept {
     elapsed_ += status == Status::ok ? cycle.step : cycle.usual;
-    if (status == Status::ok) {
-      fault_ = 0;
-      if (faulty_) {
-        faulty_ = false;
-        begin(ramp_, command);
-      }
-      return;
-    }
-    fault_ += cycle.usual;
-    if (!faulty_ && (is_lasting(status) || fault_ > hold_)) {
-      faulty_ = true;
-      begin(ramp_, command);
-    }
+    fault_ = status == Status::ok ? 0 : fault_ + cycle.usual;
+    const bool down = status != Status::ok && (is_lasting(status) || fault_ > hold_);
+    if (down) good_ = std::max(good_ - cycle.usual / ramp_, 0.0);
+    if (status == Status::ok) good_ = std::min(good_ + cycle.step / ramp_, 1.0);
   }
   /// Wanted for the solver's `answer`, n.
   [[gnu::noinline]] const Velocity& wanted(const Velocity& answer) noexcept {
-    const Scalar s = static_cast<Scalar>(share());
+    const Scalar s = static_cast<Scalar>(share()), f = static_cast<Scalar>(gain());
     for (Index i = 0; i < from_.size(); ++i) {
-      const Scalar aim = runs_ && !faulty_ ? answer(i) : Scalar(0);
-      wanted_(i) = s >= Scalar(1) ? aim : (Scalar(1) - s) * from_(i) + s * aim;
+      const Scalar aim = runs_ ? answer(i) : Scalar(0);
+      wanted_(i) = s < Scalar(1) ? (Scalar(1) - s) * from_(i) + s * aim : aim;
+      if (f < Scalar(1)) wanted_(i) *= f;
     }
     return wanted_;
   }
   /// s.
   double share() const noexcept { return duration_ > 0 ? smooth_step(elapsed_ / duration_) : 1; }
+  /// f.
+  double gain() const noexcept { return smooth_step(good_); }
   /// What was commanded when the ramp began, n.
   const Velocity& from() const noexcept { return from_; }
   /// The aim is the solver's answer.
-  bool runs() const noexcept { return runs_ && !faulty_; }
+  bool runs() const noexcept { return runs_; }
+  /// Nothing is commanded, or soon will not be.
+  bool rests() const noexcept { return !runs_ || !(good_ > 0); }
+  /// Nothing fades.
+  bool settled() const noexcept { return share() >= 1 && good_ >= 1; }
 
  private:
-  void aim(bool run, double duration, const Velocity& command, double pending) noexcept {
+  [[gnu::noinline]] void aim(bool run, double duration, const Velocity& command,
+                             double pending) noexcept {
     runs_ = run;
-    begin(duration, command);
-    elapsed_ = -pending;
-  }
-  [[gnu::noinline]] void begin(double duration, const Velocity& command) noexcept {
-    elapsed_ = 0;
     duration_ = duration;
+    elapsed_ = -pending;
     for (Index i = 0; i < from_.size(); ++i) from_(i) = command(i);
   }
 
-  double hold_, ramp_, elapsed_{0}, duration_{0}, fault_{0};
-  bool runs_{false}, faulty_{false};
+  double hold_, ramp_, elapsed_{0}, duration_{0}, fault_{0}, good_{1};
+  bool runs_{false};
   Velocity from_, wanted_;
 };
 

@@ -18,6 +18,18 @@
 
 namespace icat {
 
+namespace detail {
+
+/// No step may be longer than the reaction that the limits count on.
+template <class Options>
+double longest_step(const Options& options) noexcept {
+  const double T =
+      options.limits.dof() > 0 ? options.limits.reaction_time() : options.time.max_step;
+  return std::min(options.time.max_step, T);
+}
+
+}  // namespace detail
+
 /// How old the inputs of a cycle are, s; NaN counts as too old.
 struct InputAge {
   double state{0};     ///< of the robot
@@ -64,8 +76,8 @@ class Controller {
       : Controller(robot, actions, Options{}) {}
   /// The same with options.
   [[gnu::cold]] Controller(const R& robot, const std::vector<Action<R>>& actions, Options options)
-      : solver_(robot, actions, options.given, options.solver, options.time.max_step),
-        limits_(options.limits.of(robot)),
+      : solver_(robot, actions, options.given, options.solver, detail::longest_step(options)),
+        limits_(options.limits.of(robot, options.time.max_step)),
         ramp_(robot.dof(), options.time),
         hold_(options.time.hold),
         answer_(detail::zeros<Velocity>(robot.dof())),
@@ -90,7 +102,7 @@ class Controller {
   Status switch_to(std::string_view action, double time, double duration) noexcept {
     if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
     const Status status =
-        ramp_.runs() ? solver_.switch_to(action, time, duration) : solver_.start(action, time);
+        ramp_.rests() ? solver_.start(action, time) : solver_.switch_to(action, time, duration);
     if (status == Status::ok) ramp_.resume(duration, limits_.command(), pending());
     return status;
   }
@@ -107,6 +119,7 @@ class Controller {
   Status set_given(Index column, bool given) noexcept {
     if (column < 0 || column >= velocity_.size()) return Status::unknown_joint;
     if (solver_.given(column) != given) limits_.set_given(column, given);
+    if (given) ramp_.forget(column);
     solver_.set_given(column, given);
     return Status::ok;
   }
@@ -158,7 +171,7 @@ class Controller {
   /// Whether there is an action of this name.
   bool has(std::string_view action) const noexcept { return solver_.has(action); }
   /// An action is being entered, or the command fades in, out or back.
-  bool in_transition() const noexcept { return solver_.in_transition() || ramp_.share() < 1; }
+  bool in_transition() const noexcept { return solver_.in_transition() || !ramp_.settled(); }
   /// The unified hierarchy of the actions.
   const UnifiedHierarchy<R>& hierarchy() const noexcept { return solver_.hierarchy(); }
   /// aᵖ of every entry of the hierarchy, level by level.
@@ -172,11 +185,11 @@ class Controller {
 
  private:
   // Of a stamp without a cycle.
-  double pending() const noexcept { return solver_.clock().elapsed() - last_; }
+  double pending() const noexcept { return solver_.clock().elapsed() - time_.last; }
   Status run(double time, const Velocity* measured, const InputAge& age) noexcept {
     Status status = solver_.update(time);
+    const Cycle now = solver_.clock().since(time_);
     if (status == Status::not_started) return status;
-    const Cycle now = solver_.clock().since(last_);
     limits_.update(solver_.robot(), now);
     if (status == Status::ok) status = check(measured, age);
     if (status == Status::ok) {
@@ -184,7 +197,7 @@ class Controller {
       status = solver_.solve(measured_);
       answer_ = solver_.velocity();
     }
-    ramp_.update(status, now, limits_.command());
+    ramp_.update(status, now);
     apply();
     return status;
   }
@@ -210,7 +223,7 @@ class Controller {
   void apply() noexcept {
     const ColumnRange base = detail::base_columns(solver_.robot());
     bool all = limits_.limit_base(ramp_.wanted(answer_));
-    if (!all && ramp_.runs() && ramp_.share() >= 1 &&
+    if (!all && ramp_.runs() && ramp_.settled() &&
         solver_.solve(measured_, base, limits_.command()) == Status::ok) {
       answer_ = solver_.velocity();
     }
@@ -224,7 +237,8 @@ class Controller {
   Actions solver_;
   MotionLimits<R> limits_;
   detail::CommandRamp<Scalar, R::size> ramp_;
-  double hold_, last_{0};
+  double hold_;
+  CycleTime time_;
   Index implausible_{-1};
   bool limited_{false};
   Velocity answer_, measured_, velocity_;

@@ -50,7 +50,8 @@ class MotionLimits {
   /// Settings, with defaults.
   struct Options {
     /// T, s, in (0, 10]: from a state to the end of the motion that was commanded for it. At least
-    /// the longest period of the loop, plus delays, plus the lag of the servos.
+    /// the longest period of the loop, plus delays, plus the lag of the servos, plus twice what the
+    /// stamps jitter.
     double reaction_time{0.1};
     Scalar max_velocity{infinity<Scalar>};      ///< of every joint; its own where that is less
     Scalar max_acceleration{infinity<Scalar>};  ///< likewise
@@ -76,15 +77,16 @@ class MotionLimits {
     take_joints(robot, options);
     take_base(robot, options);
   }
-  /// For `robot`. Allocates.
+  /// For `robot`; its own limits get the reaction time `period`, s. Allocates.
   /// @throws std::invalid_argument on limits for another number of columns.
-  [[gnu::cold]] MotionLimits of(const R& robot) const {
+  [[gnu::cold]] MotionLimits of(const R& robot, double period) const {
     if (dof() == robot.dof()) return *this;
     if (dof() != 0) {
       detail::invalid("MotionLimits of ", dof(), " columns for a robot of ", robot.dof());
     }
-    if (!unlimited_) return MotionLimits(robot);
-    MotionLimits none(robot.dof(), reaction_time_);
+    if (!unlimited_)
+      return MotionLimits(robot, Options{.reaction_time = std::min(period, longest)});
+    MotionLimits none(robot.dof(), std::min(period, longest));
     none.take_base(robot, Options{});
     return none;
   }
@@ -151,9 +153,11 @@ class MotionLimits {
   }
 
  private:
+  static constexpr double longest = 10;  // s, of a reaction
   struct Column {
     Scalar max_velocity{infinity<Scalar>}, max_acceleration{infinity<Scalar>};
-    Scalar down{infinity<Scalar>}, up{infinity<Scalar>};  // what can still brake, ≥ 0
+    Scalar down{infinity<Scalar>}, up{infinity<Scalar>};      // what can still brake, ≥ 0
+    Scalar least{-infinity<Scalar>}, most{infinity<Scalar>};  // by position and velocity
     bool base{false}, given{false}, brakes{false};
     Index joint{-1};                // of a joint with a range
     double lower, upper;            // its range
@@ -173,7 +177,7 @@ class MotionLimits {
   }
   static double checked(double reaction_time) {
     detail::require_positive("MotionLimits", "reaction_time", reaction_time);
-    if (reaction_time > 10) {
+    if (reaction_time > longest) {
       detail::invalid("MotionLimits: reaction_time must be at most 10 s, got ", reaction_time);
     }
     return reaction_time;
@@ -271,6 +275,7 @@ class MotionLimits {
   // The largest v with v T + v² / 2a ≤ d.
   static double speed(double d, double T, double a) noexcept {
     if (!(d > 0)) return 0;
+    if (d == infinity<double>) return d;
     return 2 * d / (T + std::sqrt(T * T + 2 * d / a));
   }
 
@@ -279,8 +284,8 @@ class MotionLimits {
       Column& column = at(c);
       if (column.base != base || column.given) continue;
       const Scalar last = command_(c), a = column.max_acceleration;
-      const Scalar highest = std::min(column.max_velocity, column.up);
-      const Scalar lowest = -std::min(column.max_velocity, column.down);
+      const Scalar highest = column.most = std::min(column.max_velocity, column.up);
+      const Scalar lowest = column.least = -std::min(column.max_velocity, column.down);
       column.brakes = last > highest || last < lowest;
       lower_(c) = lowest;
       upper_(c) = highest;
@@ -301,25 +306,35 @@ class MotionLimits {
   }
 
   [[gnu::noinline]] bool limit(bool base, const Velocity& wanted, Velocity& out) const noexcept {
+    const auto mine = [&](const Column& column) { return column.base == base && !column.given; };
+    // The base as a whole, so that it keeps its direction.
+    Scalar whole(1);
+    for (Index c = 0; base && c < dof(); ++c) {
+      const Column& column = columns_[static_cast<std::size_t>(c)];
+      if (!mine(column) || std::abs(wanted(c)) <= column.most) continue;
+      whole = std::min(whole, column.most / std::abs(wanted(c)));
+    }
     Scalar scale(1);
     bool all = true;
     for (Index c = 0; c < dof(); ++c) {
       const Column& column = columns_[static_cast<std::size_t>(c)];
-      if (column.base != base || column.given) continue;
-      if (wanted(c) >= lower_(c) && wanted(c) <= upper_(c)) continue;
+      if (!mine(column)) continue;
+      const Scalar aim = std::clamp(whole * wanted(c), column.least, column.most);
+      all = all && aim == wanted(c);
+      if (aim >= lower_(c) && aim <= upper_(c)) continue;
       all = false;
       if (column.brakes) continue;
       const Scalar from = std::clamp(command_(c), lower_(c), upper_(c));
-      const Scalar room = (wanted(c) > upper_(c) ? upper_(c) : lower_(c)) - from;
-      scale = std::min(scale, room / (wanted(c) - from));
+      const Scalar room = (aim > upper_(c) ? upper_(c) : lower_(c)) - from;
+      scale = std::min(scale, room / (aim - from));
     }
     for (Index c = 0; c < dof(); ++c) {
       const Column& column = columns_[static_cast<std::size_t>(c)];
-      if (column.base != base || column.given) continue;
-      Scalar next = wanted(c);
+      if (!mine(column)) continue;
+      Scalar next = std::clamp(whole * wanted(c), column.least, column.most);
       if (scale < Scalar(1) && !column.brakes) {
         const Scalar from = std::clamp(command_(c), lower_(c), upper_(c));
-        next = from + scale * (wanted(c) - from);
+        next = from + scale * (next - from);
       }
       out(c) = std::clamp(next, lower_(c), upper_(c));
     }

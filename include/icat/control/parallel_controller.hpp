@@ -35,9 +35,9 @@ class ParallelController {
   /// The same with options.
   [[gnu::cold]] ParallelController(const R& robot, const std::vector<Action<R>>& actions,
                                    Options options)
-      : first_(robot, actions, options.given, options.solver, options.time.max_step),
+      : first_(robot, actions, options.given, options.solver, detail::longest_step(options)),
         second_(robot, options.solver, options.given, first_.levels()),
-        limits_(options.limits.of(robot)),
+        limits_(options.limits.of(robot, options.time.max_step)),
         base_(robot.dof(), options.time),
         joints_(robot.dof(), options.time),
         hold_(options.time.hold),
@@ -59,9 +59,9 @@ class ParallelController {
   /// As `Controller::switch_to`.
   Status switch_to(std::string_view action, double time, double duration) noexcept {
     if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
-    const bool runs = base_.ramp.runs() || joints_.ramp.runs();
+    const bool rests = base_.ramp.rests() && joints_.ramp.rests();
     const Status status =
-        runs ? first_.switch_to(action, time, duration) : first_.start(action, time);
+        rests ? first_.start(action, time) : first_.switch_to(action, time, duration);
     if (status != Status::ok) return status;
     base_.ramp.resume(duration, limits_.command(), pending(base_));
     joints_.ramp.resume(duration, limits_.command(), pending(joints_));
@@ -80,6 +80,10 @@ class ParallelController {
   Status set_given(Index column, bool given) noexcept {
     if (column < 0 || column >= velocity_.size()) return Status::unknown_joint;
     if (first_.given(column) != given) limits_.set_given(column, given);
+    if (given) {
+      base_.ramp.forget(column);
+      joints_.ramp.forget(column);
+    }
     first_.set_given(column, given);
     second_.set_given(column, given);
     return Status::ok;
@@ -98,7 +102,7 @@ class ParallelController {
   template <class V>
   Status step(double time, const Eigen::MatrixBase<V>& measured, InputAge age = {}) noexcept {
     const Status status = prepare(first_.update(time), measured, age);
-    if (status == Status::not_started) return status;
+    if (status == Status::not_started) return idle(status);
     const Status base = run_base(status);
     const Status joints = run_joints(status);
     return base == Status::ok ? joints : base;
@@ -107,28 +111,28 @@ class ParallelController {
   template <class V>
   Status step_base(double time, const Eigen::MatrixBase<V>& measured, InputAge age = {}) noexcept {
     const Status status = prepare(first_.update(time), measured, age);
-    return status == Status::not_started ? status : run_base(status);
+    return status == Status::not_started ? idle(status) : run_base(status);
   }
   /// TPIK 2 alone, at the joints' rate: new velocities of the joints.
   template <class V>
   Status step_joints(double time, const Eigen::MatrixBase<V>& measured,
                      InputAge age = {}) noexcept {
     const Status status = prepare(first_.update(time), measured, age);
-    return status == Status::not_started ? status : run_joints(status);
+    return status == Status::not_started ? idle(status) : run_joints(status);
   }
   /// The law of TPIK 2 for the present state, to be followed by `follow_joint_law`; given joints
   /// stand still.
-  Status step_joint_law(double time) noexcept {
+  Status step_joint_law(double time, InputAge age = {}) noexcept {
     for (Index c = 0; c < measured_.size(); ++c) {
       if (!second_.in_base(c)) measured_(c) = Scalar(0);
     }
-    return solve_law(first_.update(time));
+    return solve_law(first_.update(time), age);
   }
   /// The same with given joints that move, until the next law, as in `measured`.
   template <class V>
   Status step_joint_law(double time, const Eigen::MatrixBase<V>& measured,
                         InputAge age = {}) noexcept {
-    return solve_law(prepare(first_.update(time), measured, age));
+    return solve_law(prepare(first_.update(time), measured, age), age);
   }
   /// New velocities of the joints by the law, without solving: q̇ = ρ̃ + P v for a newer measurement
   /// of the base. The law is as old as its state.
@@ -136,10 +140,10 @@ class ParallelController {
   Status follow_joint_law(double time, const Eigen::MatrixBase<V>& measured,
                           InputAge age = {}) noexcept {
     Status status = first_.tick(time);
-    if (law_time_ < 0) return Status::not_started;
-    age.state += first_.clock().elapsed() - law_time_;
+    if (!(law_age_ >= 0)) return Status::not_started;
+    age.state += law_age_ + first_.clock().elapsed() - law_time_;
     status = prepare(status, measured, age);
-    const Cycle now = first_.clock().since(joints_.last);
+    const Cycle now = first_.clock().since(joints_.time);
     limits_.update_joints(first_.robot(), now);
     if (status == Status::ok) second_.follow_law(measured_, joints_.answer);
     finish(joints_, status, now);
@@ -163,7 +167,7 @@ class ParallelController {
   std::string_view action() const noexcept { return first_.action(); }
   /// An action is being entered, or a command fades in, out or back.
   bool in_transition() const noexcept {
-    return first_.in_transition() || base_.ramp.share() < 1 || joints_.ramp.share() < 1;
+    return first_.in_transition() || !base_.ramp.settled() || !joints_.ramp.settled();
   }
 
  private:
@@ -172,11 +176,11 @@ class ParallelController {
         : ramp(n, options), answer(detail::zeros<Velocity>(n)) {}
     detail::CommandRamp<Scalar, R::size> ramp;
     Velocity answer;
-    double last{0};
+    CycleTime time;
   };
   // Of a stamp without a cycle.
   double pending(const Layer& layer) const noexcept {
-    return first_.clock().elapsed() - layer.last;
+    return first_.clock().elapsed() - layer.time.last;
   }
 
   // `status` of the clock and the tasks; then whether the inputs are there and are new.
@@ -200,17 +204,24 @@ class ParallelController {
     }
     return Status::ok;
   }
-  void finish(Layer& layer, Status status, Cycle now) noexcept {
-    layer.ramp.update(status, now, limits_.command());
+  void finish(Layer& layer, Status status, Cycle now) noexcept { layer.ramp.update(status, now); }
+  // Time before the first action is none of a cycle's.
+  Status idle(Status status) noexcept {
+    (void)first_.clock().since(base_.time);
+    (void)first_.clock().since(joints_.time);
+    return status;
   }
-  Status solve_law(Status status) noexcept {
+  Status solve_law(Status status, const InputAge& age) noexcept {
+    if (status == Status::ok && !(age.state <= hold_)) status = Status::stale_state;
     if (status != Status::ok) return status;
     status = second_.solve_law(first_.levels(), measured_);
-    if (status == Status::ok) law_time_ = first_.clock().elapsed();
+    if (status != Status::ok) return status;
+    law_time_ = first_.clock().elapsed();
+    law_age_ = age.state;
     return status;
   }
   Status run_base(Status status) noexcept {
-    const Cycle now = first_.clock().since(base_.last);
+    const Cycle now = first_.clock().since(base_.time);
     limits_.update_base(now);
     if (status == Status::ok) {
       (void)first_.set_bounds(limits_.bounds());
@@ -223,7 +234,7 @@ class ParallelController {
     return status;
   }
   Status run_joints(Status status) noexcept {
-    const Cycle now = first_.clock().since(joints_.last);
+    const Cycle now = first_.clock().since(joints_.time);
     limits_.update_joints(first_.robot(), now);
     if (status == Status::ok) {
       (void)second_.set_bounds(limits_.bounds());
@@ -247,7 +258,7 @@ class ParallelController {
   BaseCompensation<R, Regularization> second_;
   MotionLimits<R> limits_;
   Layer base_, joints_;
-  double hold_, law_time_{-1};
+  double hold_, law_time_{0}, law_age_{-1};
   Velocity measured_, velocity_;
 };
 

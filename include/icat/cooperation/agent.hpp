@@ -93,11 +93,12 @@ class Agent {
         agreement_(options.agreement),
         filter_(options.filter),
         own_(robot, actions, options.controller.given, options.controller.solver,
-             options.controller.time.max_step),
+             detail::longest_step(options.controller)),
         second_(robot, with_agreement(actions, shared, agreed_velocity_), options.controller.given,
-                options.controller.solver, options.controller.time.max_step),
-        limits_(options.controller.limits.of(robot)),
+                options.controller.solver, detail::longest_step(options.controller)),
+        limits_(options.controller.limits.of(robot, options.controller.time.max_step)),
         ramp_(robot.dof(), options.controller.time),
+        law_ramp_(ramp_),
         hold_(options.controller.time.hold),
         measured_(detail::zeros<Velocity>(robot.dof())),
         velocity_(measured_),
@@ -127,17 +128,19 @@ class Agent {
     const Status status = own_.start(action, time);
     if (status != Status::ok) return status;
     ramp_.start();
+    law_ramp_.start();
     return second_.start(action, time);
   }
   /// As `Controller::switch_to`. A refusal changes nothing. In a fade from rest the tool follows
   /// what is agreed on from the first cycle; what else the robot does fades in.
   Status switch_to(std::string_view action, double time, double duration) noexcept {
     if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
-    const bool runs = ramp_.runs();
+    const bool runs = !ramp_.rests();
     Status status = runs ? own_.switch_to(action, time, duration) : own_.start(action, time);
     if (status != Status::ok) return status;
     status = runs ? second_.switch_to(action, time, duration) : second_.start(action, time);
     ramp_.resume(duration, command(), pending());
+    law_ramp_.resume(duration, command(), pending());
     return status;
   }
   /// As `Controller::stop`; while the command goes to zero so do the proposals.
@@ -145,7 +148,9 @@ class Agent {
     if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
     Status status = own_.tick(time);
     if (status == Status::ok) status = second_.tick(time);
-    if (status == Status::ok) ramp_.stop(duration, command(), pending());
+    if (status != Status::ok) return status;
+    ramp_.stop(duration, command(), pending());
+    law_ramp_.stop(duration, command(), pending());
     return status;
   }
 
@@ -179,31 +184,36 @@ class Agent {
 
   /// The law of the compensation on the second hierarchy [Coop, IV-D], for a joint loop faster than
   /// `step`, to be followed by `follow_joint_law`. Given joints stand still.
-  Status step_joint_law(double time) noexcept requires MobileRobot<R> {
+  Status step_joint_law(double time, InputAge age = {}) noexcept requires MobileRobot<R> {
     detail::fill(allowed_, Scalar(0));
-    return step_joint_law(time, allowed_);
+    return step_joint_law(time, allowed_, age);
   }
   /// The same with given joints that move, until the next law, as in `measured`, n.
-  Status step_joint_law(double time, const Velocity& measured) noexcept requires MobileRobot<R> {
+  Status step_joint_law(double time, const Velocity& measured,
+                        InputAge age = {}) noexcept requires MobileRobot<R> {
     if (!compensation_) return Status::not_started;
     Status status = second_.update(time);
     if (status != Status::ok) return status;
+    if (!(age.state <= hold_)) return Status::stale_state;
     status = compensation_->solve_law(second_.levels(), measured);
-    if (status == Status::ok) law_time_ = second_.clock().elapsed();
+    if (status != Status::ok) return status;
+    law_time_ = second_.clock().elapsed();
+    law_age_ = age.state;
     return status;
   }
   /// New velocities of the joints by the law, as `ParallelController::follow_joint_law`; of
   /// `measured`, n, the base's columns count.
   Status follow_joint_law(double time, const Velocity& measured,
                           InputAge age = {}) noexcept requires MobileRobot<R> {
-    if (!compensation_ || law_time_ < 0) return Status::not_started;
+    if (!compensation_ || !(law_age_ >= 0)) return Status::not_started;
     Status status = second_.tick(time);
-    age.state += second_.clock().elapsed() - law_time_;
+    age.state += law_age_ + second_.clock().elapsed() - law_time_;
     if (status == Status::ok) status = check(second_, &measured, true, age);
-    const Cycle now = open(second_, true);
+    const Cycle now = second_.clock().since(law_cycle_);
+    limits_.update_joints(robot_, now);
     if (status == Status::ok) compensation_->follow_law(measured_, answer_);
-    ramp_.update(status, now, command());
-    (void)limits_.limit_joints(ramp_.wanted(answer_));
+    law_ramp_.update(status, now);
+    (void)limits_.limit_joints(law_ramp_.wanted(answer_));
     take();
     return status;
   }
@@ -244,7 +254,7 @@ class Agent {
 
  private:
   // Of a stamp without a cycle.
-  double pending() const noexcept { return own_.clock().elapsed() - last_; }
+  double pending() const noexcept { return own_.clock().elapsed() - own_time_.last; }
   // All columns as chosen ones, the tool's reference as the six parameters.
   using Sensitivity = ParametricTpik<Scalar, R::size, 6, Regularization>;
   using Compensation = typename detail::CompensationOf<R, Regularization>::type;
@@ -261,8 +271,9 @@ class Agent {
   }
   Status propose(double time, const Velocity* measured, const InputAge& age) noexcept {
     proposed_ = own_.update(time);
+    cycle_ = own_.clock().since(own_time_);
     if (proposed_ == Status::not_started) return withdraw();
-    cycle_ = open(own_, false);
+    limits_.update(robot_, cycle_);
     opened_ = true;
     if (proposed_ == Status::ok) proposed_ = check(own_, measured, false, age);
     if (proposed_ == Status::ok) {
@@ -284,15 +295,19 @@ class Agent {
   }
   Status step(double time, const Velocity* measured, const Vector6<Scalar>& correction,
               const InputAge& age) noexcept {
-    if (second_.action().empty()) return Status::not_started;
     Status status = second_.tick(time);
-    if (!opened_) cycle_ = open(second_, false);
+    const Cycle now = second_.clock().since(second_time_);
+    if (second_.action().empty()) return Status::not_started;
+    if (!opened_) {
+      cycle_ = now;
+      limits_.update(robot_, now);
+    }
     opened_ = false;
     if (status == Status::ok && !detail::all_finite(correction)) status = Status::non_finite;
     if (status == Status::ok) status = check(second_, measured, compensates(), age);
     if (status == Status::ok) {
       const Vector6<Scalar>& agreed = agreement_.update(second_.clock().elapsed());
-      const double passed = second_.clock().since(last_filter_).step;
+      const double passed = second_.clock().since(filter_time_).step;
       (void)filter_.update(agreed, filtered_ ? passed : 0);
       filtered_ = true;
       commanded_ = filter_.value();
@@ -304,7 +319,7 @@ class Agent {
     // The levels of a refused proposal are no better here.
     if (status == Status::ok) status = proposed_;
     proposed_ = Status::ok;
-    ramp_.update(status, cycle_, command());
+    ramp_.update(status, cycle_);
     command_towards(status);
     return status;
   }
@@ -332,6 +347,7 @@ class Agent {
     const Velocity& faded = ramp_.wanted(answer_);
     for (Index c = 0; c < wanted.size(); ++c) wanted(c) = faded(c);
     const Scalar rest = static_cast<Scalar>(1 - ramp_.share());
+    const Scalar whole = static_cast<Scalar>(ramp_.gain());
     const Scalar held = static_cast<Scalar>(agreement_activation());
     const bool solved = status == Status::ok && ramp_.runs();
     if (solved && rest > Scalar(0) && held > Scalar(0) &&
@@ -343,11 +359,11 @@ class Agent {
         }
       }
       for (Index c = 0; c < wanted.size(); ++c) {
-        wanted(c) += rest * held * (made_up(c, second_.velocity()) - ramp_.from()(c));
+        wanted(c) += whole * rest * held * (made_up(c, second_.velocity()) - ramp_.from()(c));
       }
     }
     bool all = limits_.limit_base(wanted);
-    if (!all && solved && !compensates() && !(rest > Scalar(0)) &&
+    if (!all && solved && !compensates() && ramp_.settled() &&
         second_.solve(measured_, detail::base_columns(robot_), command()) == Status::ok) {
       for (Index c = 0; c < wanted.size(); ++c) wanted(c) = second_.velocity()(c);
     }
@@ -361,7 +377,8 @@ class Agent {
     const Vector6<Scalar> velocity = tool_velocity(wanted);
     for (Index i = 0; i < 6; ++i) cut_(i) = held * (velocity(i) - commanded_(i));
     // Only what the limits cut is something that the others can help with.
-    if (solved && !(held < Scalar(1))) (void)agreement_.achieved(commanded_, velocity);
+    if (solved && !(held < Scalar(1)) && !(whole < Scalar(1)))
+      (void)agreement_.achieved(commanded_, velocity);
   }
   // Column `c` of `whole`, or of the joints that make up for the base.
   Scalar made_up(Index c, const Velocity& whole) const noexcept {
@@ -373,13 +390,6 @@ class Agent {
   bool compensates() const noexcept {
     if constexpr (MobileRobot<R>) return compensation_.has_value();
     return false;
-  }
-  // The boxes of a new cycle.
-  Cycle open(const Actions& actions, bool joints_only) noexcept {
-    const Cycle now = actions.clock().since(last_);
-    if (!joints_only) limits_.update_base(now);
-    limits_.update_joints(robot_, now);
-    return now;
   }
   // Whether the inputs are there and are new.
   Status check(const Actions& actions, const Velocity* measured, bool needs_base,
@@ -541,14 +551,15 @@ class Agent {
   LowPass<Scalar, 6> filter_;
   Actions own_, second_;
   MotionLimits<R> limits_;
-  detail::CommandRamp<Scalar, R::size> ramp_;
+  detail::CommandRamp<Scalar, R::size> ramp_, law_ramp_;
   double hold_;
   std::optional<Compensation> compensation_;
   Velocity measured_, velocity_, allowed_, answer_;
   Vector6<Scalar> commanded_ = Filled{0}, cut_ = Filled{0};
   Sensitivity sensitivity_;
   std::vector<ToolEntry> tools_;
-  double last_{0}, last_filter_{0}, law_time_{-1};
+  CycleTime own_time_, second_time_, filter_time_, law_cycle_;
+  double law_time_{0}, law_age_{-1};
   Cycle cycle_{0, 0};
   bool opened_{false}, filtered_{false};
   Status proposed_{Status::ok};

@@ -85,7 +85,7 @@ class CentralizedController {
   /// As `Controller::switch_to`, for all; a refusal changes nothing.
   Status switch_to(std::string_view action, double time, double duration) noexcept {
     if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
-    const bool runs = ramp_.runs();
+    const bool runs = !ramp_.rests();
     const Status status = all([&](auto& part) {
       return runs ? part.switch_to(action, time, duration) : part.start(action, time);
     });
@@ -98,11 +98,12 @@ class CentralizedController {
   Status step(double time, Scalar firmness) noexcept {
     if (!(firmness >= Scalar(0) && firmness <= Scalar(1))) return Status::activation_out_of_range;
     Status status = all([&](auto& part) { return part.update(time); });
-    if (status == Status::not_started) return status;
     const StepClock& clock = parts_.front()->clock();
+    const Cycle now = clock.since(time_);
+    if (status == Status::not_started) return status;
     if (status == Status::ok && clock.stalled()) status = Status::clock_stalled;
     if (status == Status::ok) status = solve(firmness);
-    ramp_.update(status, clock.since(last_), command_);
+    ramp_.update(status, now);
     const Rows& wanted = ramp_.wanted(tpik_.velocity());
     Index from = 0;
     for (auto& velocity : velocities_) {
@@ -133,7 +134,7 @@ class CentralizedController {
 
  private:
   // Of a stamp without a cycle.
-  double pending() const noexcept { return parts_.front()->clock().elapsed() - last_; }
+  double pending() const noexcept { return parts_.front()->clock().elapsed() - time_.last; }
   using Matrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
   using Rows = Vector<Scalar, Eigen::Dynamic>;
   using Solver = Tpik<Scalar, Eigen::Dynamic, Regularization>;
@@ -238,7 +239,7 @@ class CentralizedController {
   Solver tpik_;
   detail::CommandRamp<Scalar, Eigen::Dynamic> ramp_;
   Rows command_;
-  double last_{0};
+  CycleTime time_;
   std::vector<Level<Scalar, Eigen::Dynamic>> levels_;
   Matrix G_, Q0_;
   Rows rho0_;

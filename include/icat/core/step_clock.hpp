@@ -2,16 +2,18 @@
 /// @file
 /// From the caller's time stamps, whatever they do, to steps that add up.
 ///
-/// What counts is the difference from the last stamp, clipped to [0, max_step]:
+/// What counts is the difference from the last stamp:
 ///
-///     far ahead            one step of max_step
+///     within max_step      a step
+///     further ahead        one step as they usually are
 ///     backwards, or reset  one step of 0
 ///     NaN or infinite      refused, nothing changes
-///     unchanged            a step of 0; after ten in a row the clock counts as stalled
+///     unchanged            a step of 0
 ///
-/// After each the next regular difference is an ordinary step again. Stamps that jitter go
-/// backwards too: what such a one takes away from the sum is repaid by the differences that are
-/// longer than usual, so that the steps add up to the time that passed.
+/// After each the next regular difference is an ordinary step again; after ten in a row that were
+/// unchanged, or further ahead, the clock counts as stalled. Stamps that jitter go backwards too:
+/// what such a one takes away from the sum is repaid by the differences that are longer than usual,
+/// so that the steps add up to the time that passed.
 ///
 /// The library reads no clock. Stamps are `double` whatever the scalar type of the robot: epoch
 /// seconds do not fit into a `float`.
@@ -27,14 +29,20 @@ namespace icat {
 
 /// A control cycle, as long as the stamps say.
 struct Cycle {
-  double step;   ///< s since the last one; 0 where the stamps do not say
+  double step;   ///< s since the last one, at most max_step; 0 where the stamps do not say
   double usual;  ///< the step, or what it usually is where that is 0; s, > 0
+};
+/// When something last had a cycle, and how long its cycles usually are.
+struct CycleTime {
+  double last{0};       ///< s, of `StepClock::elapsed`
+  double usual{0.01};   ///< s, a mean of late
+  bool regular{false};  ///< there was a cycle of more than 0 s
 };
 
 /// See the file comment. No allocation, no exception after construction.
 class StepClock {
  public:
-  /// Unchanged stamps in a row from which on the clock counts as stalled.
+  /// Unchanged stamps, or stamps further ahead, in a row from which on the clock counts as stalled.
   static constexpr int stalled_after = 10;
 
   /// @param max_step longest step, s, > 0
@@ -48,27 +56,27 @@ class StepClock {
     step_ = 0;
     if (!std::isfinite(now)) return Status::non_finite;
     const double difference = started_ ? now - last_ : 0;
+    // Stamps are rounded: epoch seconds to 2e-7 s.
+    const bool ahead = difference > max_step_ + 1e-6;
     unchanged_ = started_ && difference == 0 ? std::min(unchanged_ + 1, stalled_after) : 0;
-    if (difference < 0 || difference > max_step_) ++irregular_;
+    ahead_ = ahead ? std::min(ahead_ + 1, stalled_after) : 0;
+    if (difference < 0 || ahead) ++irregular_;
     last_ = now;
     started_ = true;
-    if (difference > 0) {
+    if (ahead) {
+      step_ = std::min(time_.usual, max_step_);
+      owed_ = 0;
+    } else if (difference > 0) {
       // Only what is clearly longer than usual pays, so that a jump costs one step alone.
-      const double usual = std::min(difference, max_step_);
-      const double repaid = std::min(owed_, std::max(usual - 1.25 * nominal_, 0.0));
+      const double repaid = std::min(owed_, std::max(difference - 1.25 * time_.usual, 0.0));
       owed_ -= repaid;
-      step_ = usual - repaid;
+      step_ = std::min(difference - repaid, max_step_);
     } else if (-difference < max_step_) {
       owed_ = std::min(owed_ - difference, max_step_);
     } else {
       owed_ = 0;  // another clock, not a late stamp
     }
-    if (difference != 0 && difference <= max_step_) {
-      // A mean over some 30 steps; the first regular one at once.
-      nominal_ += (regular_ ? 1.0 / 32 : 1.0) * (step_ - nominal_);
-      regular_ = regular_ || step_ > 0;
-      if (!regular_) nominal_ = first_nominal;
-    }
+    if (difference != 0 && !ahead) count(step_, time_);
     elapsed_ += step_;
     return Status::ok;
   }
@@ -77,29 +85,36 @@ class StepClock {
   double step() const noexcept { return step_; }
   /// Sum of all steps, s: a time that never runs backwards.
   double elapsed() const noexcept { return elapsed_; }
-  /// The cycle since `last`, a value of `elapsed`, which moves on to the present one.
-  Cycle since(double& last) const noexcept {
-    const double step = std::max(elapsed_ - last, 0.0);
-    last = elapsed_;
-    return {step, step > 0 ? step : nominal_};
+  /// The cycle since `time.last`, which moves on to the present.
+  Cycle since(CycleTime& time) const noexcept {
+    const double step = std::clamp(elapsed_ - time.last, 0.0, max_step_);
+    time.last = elapsed_;
+    if (step > 0) count(step, time);
+    return {step, step > 0 ? step : std::max(time.usual, shortest)};
   }
-  /// Mean step of late, s; 0.01 before the first.
-  double nominal() const noexcept { return nominal_; }
-  /// Ten stamps in a row did not change.
-  bool stalled() const noexcept { return unchanged_ >= stalled_after; }
+  /// Ten stamps in a row did not change, or were further ahead than max_step.
+  bool stalled() const noexcept { return unchanged_ >= stalled_after || ahead_ >= stalled_after; }
   /// How many stamps went backwards or further ahead than max_step.
   long irregular() const noexcept { return irregular_; }
   /// As given at construction.
   double max_step() const noexcept { return max_step_; }
 
  private:
-  static constexpr double first_nominal = 0.01;
+  static constexpr double shortest = 1e-4;  // s, of a usual cycle
+
+  // A mean over some 30 steps; the first one at once.
+  static void count(double step, CycleTime& time) noexcept {
+    if (!time.regular && !(step > 0)) return;
+    time.usual += (time.regular ? 1.0 / 32 : 1.0) * (step - time.usual);
+    time.regular = true;
+  }
 
   double max_step_;
-  double last_{0}, step_{0}, elapsed_{0}, nominal_{first_nominal}, owed_{0};
-  int unchanged_{0};
+  double last_{0}, step_{0}, elapsed_{0}, owed_{0};
+  CycleTime time_;
+  int unchanged_{0}, ahead_{0};
   long irregular_{0};
-  bool started_{false}, regular_{false};
+  bool started_{false};
 };
 
 }  // namespace icat
