@@ -168,7 +168,9 @@ void expect_velocity_of_direction(Tree& robot, icat::Task<Tree>& task, int numbe
             1e-6 * (1 + d_rate.squaredNorm()));
   const auto [d, u] = direction(robot, number);
   const double angle = std::atan2(u.cross(d).norm(), u.dot(d));
-  EXPECT_NEAR(task.reference().norm(), gain * angle, gain * std::max(0.01 - (pi - angle), 1e-9));
+  // Within 0.01 rad of π the way chosen may be the longer one.
+  EXPECT_NEAR(task.reference().norm(), gain * angle,
+              gain * (angle > pi - 0.01 ? 2 * (pi - angle) + 1e-9 : 1e-9));
   EXPECT_EQ(task.activation(), Eigen::VectorXd::Ones(2));
   if (angle < 1e-3 || angle > pi - 0.02) return;
   const Eigen::RowVectorXd angle_rate =
@@ -478,6 +480,8 @@ TEST(Directions, ATargetAtRestIsReachedFromEveryMemory) {
         place(robot, s);
         t.update();
       }
+      // A norm has no direction at 0, from where it is to grow.
+      if (goal > 0 && !(t.angle() > 1e-3)) continue;
       follow(robot, t, s, hand, 350, 0.1);
       EXPECT_NEAR(t.angle(), goal, 1e-3);
     }

@@ -191,7 +191,10 @@ void expect_exact_everywhere(Tree& robot, T& t, Torso& reference_robot, E& exact
       place(robot, s);
       const Pose<double> goal = seen_from(reference_robot, reference, exact.frame()) * error;
       aim(t, Pose<S>(goal.template cast<S>()));
-      // A norm has a kink at 0, of which a difference sees both sides.
+      // A norm has a kink at 0, of which a difference sees both sides; at 0 to rounding, as where
+      // half a turn leaves this axis alone, its direction is none.
+      t.update();
+      if (norm && std::abs(t.reference()(0)) < S(1e-9)) continue;
       testing_support::expect_exact(robot, t, s, norm ? 1e-5 : 1e-6);
       if constexpr (std::is_same_v<S, float>) {
         aim(exact, goal);
