@@ -8,6 +8,7 @@
 #include <random>
 
 #include "support/robots.hpp"
+#include "support/sanitized.hpp"
 
 namespace {
 
@@ -126,7 +127,9 @@ std::string fault_of_run(unsigned seed) {
 /// So many runs, or as many as ICAT_LIMIT_RUNS says.
 unsigned runs() {
   const char* told = std::getenv("ICAT_LIMIT_RUNS");
-  return told ? static_cast<unsigned>(std::strtoul(told, nullptr, 10)) : 100'000u;
+  return told        ? static_cast<unsigned>(std::strtoul(told, nullptr, 10))
+         : sanitized ? 2'000u
+                     : 100'000u;
 }
 
 TEST(MotionLimits, HoldInRandomLoops) {

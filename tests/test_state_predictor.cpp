@@ -8,6 +8,7 @@
 
 #include "support/allocation_counter.hpp"
 #include "support/robots.hpp"
+#include "support/sanitized.hpp"
 
 namespace {
 
@@ -82,8 +83,10 @@ Outcome run(const Setting& s) {
   return outcome;
 }
 
-const std::vector<Setting> situations{{0.01, 0.03}, {0.05, 0},    {0.01, 0.1},
-                                      {0.01, 0.05}, {0.001, 0.1}, {0.02, 0.06}};
+const std::vector<Setting> situations =
+    sanitized ? std::vector<Setting>{{0.02, 0.06}}
+              : std::vector<Setting>{{0.01, 0.03}, {0.05, 0},    {0.01, 0.1},
+                                     {0.01, 0.05}, {0.001, 0.1}, {0.02, 0.06}};
 
 TEST(StatePredictor, AJointAtItsLimitComesToRest) {
   for (Setting s : situations) {
