@@ -127,7 +127,8 @@ Result simulate(const Scenario& scenario, Robot& robot, Tasks& tasks, double dt,
 
     q += dt * y.head<5>();
     for (std::size_t j = 0; scenario.stops && j < 5; ++j) {
-      q[j] = std::clamp(q[j], robot.joints()[j].lower, robot.joints()[j].upper);
+      double& angle = q(static_cast<icat::Index>(j));
+      angle = std::clamp(angle, robot.joints()[j].lower, robot.joints()[j].upper);
     }
     vehicle = icat::integrate<double>(vehicle, robot.base_motion() * y.tail<3>(), dt);
   }
