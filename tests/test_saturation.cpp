@@ -126,13 +126,17 @@ VectorXd minimum(const MatrixXd& G, const VectorXd& p, double bound) {
       held.push_back(i);
       target(i) = rest % 3 == 1 ? bound : -bound;
     }
-    const MatrixXd g = G(held, held);
-    const Eigen::FullPivLU<MatrixXd> lu(g);
-    if (!held.empty() && lu.rank() < g.rows()) continue;
-    const VectorXd mu = held.empty() ? VectorXd() : VectorXd(lu.solve((target - p)(held)));
-    const VectorXd x = p + G(Eigen::all, held) * mu;
+    VectorXd x = p;
+    double cost = 0;
+    if (!held.empty()) {
+      const MatrixXd g = G(held, held);
+      const Eigen::FullPivLU<MatrixXd> lu(g);
+      if (lu.rank() < g.rows()) continue;
+      const VectorXd mu = lu.solve((target - p)(held));
+      x += G(Eigen::all, held) * mu;
+      cost = mu.dot(g * mu);
+    }
     if ((x.cwiseAbs().array() > bound + 1e-9).any()) continue;
-    const double cost = mu.dot(g * mu);
     if (cost < best) {
       best = cost;
       answer = x;
