@@ -30,13 +30,20 @@ have() {
     echo "$*" >"$environment/installed"
 }
 
+# missing <peer> <log>: why, by the last line of the log, without the path of this folder.
+missing() {
+  local why
+  why=$(tail -n1 "$2")
+  printf 'missing\t%s\t%s\n' "$1" "${why//"$PWD/"/}" >>"$results"
+}
+
 peers=()
 # peer <name> <requirement>...
 peer() {
   if have "$@"; then
     peers+=("$1")
   else
-    printf 'missing\t%s\t%s\n' "$1" "$(tail -n1 "$work/$1.log")" >>"$results"
+    missing "$1" "$work/$1.log"
   fi
 }
 peer placo placo==0.10.2
@@ -60,6 +67,7 @@ cxx icat_native -march=native "${icat_flags[@]}" -Iinclude $home/icat_peers.cpp 
 cxx kdl "${kdl_flags[@]}" $home/kdl_peers.cpp -lkdl_parser -lorocos-kdl
 cxx allocations.so -fPIC -shared $home/allocations.cpp
 
+export PYTHONDONTWRITEBYTECODE=1 # none beside the sources
 python3 $home/problems.py build/robot_data "$problems"
 
 # An environment may name a kernel of OpenBLAS that fits another processor.
@@ -78,7 +86,7 @@ all() {
     fail "KDL: $(tail -n1 "$log")"
   for name in "${peers[@]}"; do
     run "$work/$name/bin/python" "$home/${name}_peer.py" "$problems" ||
-      printf 'missing\t%s\t%s\n' "$name" "$(tail -n1 "$log")" >>"$results"
+      missing "$name" "$log"
   done
 }
 say "Counting allocations, asking awkward questions"
