@@ -60,7 +60,7 @@ class ParametricTpik {
   /// ρ̃ = 0, P = 0, Q = I. No allocation.
   void reset() noexcept {
     detail::fill(law_, Scalar(0));
-    iteration_.reset();
+    iteration_.start().reset();
     report_.clear();
   }
 
@@ -80,7 +80,7 @@ class ParametricTpik {
   Status minimize_velocity() noexcept {
     LevelReport<Scalar> level;
     level.rows = level.active_rows = dof();
-    if (!iteration_.close(law_)) {
+    if (!iteration_.close(law_.data(), dof())) {
       level.status = Status::numerical_failure;
     } else {
       (void)advance(level);
@@ -103,13 +103,14 @@ class ParametricTpik {
     return velocity;
   }
   /// Q over the chosen columns, N × N. Formed when asked for.
-  const SquareN& projector() const noexcept { return iteration_.projector(); }
+  const SquareN& projector() const noexcept { return iteration_.projector_matrix(); }
   /// Since the last reset.
   const TpikReport<Scalar>& report() const noexcept { return report_; }
 
  private:
   static constexpr int columns = 1 + Parameters;
   using Law = Eigen::Matrix<Scalar, N, columns>;  // [ρ̃ P]
+
 
   [[gnu::cold]] ParametricTpik(Index dof, const Options& options, int)
       : iteration_(validated(options, dof), options.regularization, options.projection_weight),
@@ -135,7 +136,7 @@ class ParametricTpik {
         if (!(a > Scalar(0))) continue;
         Scalar wanted[columns] = {input.reference(i)};
         for (Index c = 1; c < columns; ++c) wanted[c] = -input.jacobian(i, l + c - 1);
-        iteration_.row(input.jacobian, i, a, wanted, law_);
+        iteration_.template row<N>(input.jacobian, i, a, wanted, law_.data(), dof());
       }
       if (!iteration_.solve()) {
         level.status = Status::numerical_failure;
@@ -160,7 +161,7 @@ class ParametricTpik {
     return true;
   }
 
-  detail::PriorityIteration<Scalar, N, columns, Regularization> iteration_;
+  detail::StoredIteration<Scalar, N, columns, Regularization> iteration_;
   Law law_, next_law_;
   TpikReport<Scalar> report_;
 };
