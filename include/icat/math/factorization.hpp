@@ -125,11 +125,11 @@ inline bool cholesky_column(Index n, Index j, Panel<Scalar> s, Scalar shift,
   return true;
 }
 
-/// Whether `s` is positive definite; `l` is its factor then, as above.
+/// Whether `s − shift I` is positive definite; `l` is its factor then, as above.
 template <class Scalar>
-bool cholesky(Index n, Panel<Scalar> s, Panel<Scalar> l) noexcept {
+bool cholesky(Index n, Panel<Scalar> s, Panel<Scalar> l, Scalar shift = Scalar(0)) noexcept {
   for (Index j = 0; j < n; ++j) {
-    if (!cholesky_column(n, j, s, Scalar(0), l)) return false;
+    if (!cholesky_column(n, j, s, shift, l)) return false;
   }
   return true;
 }

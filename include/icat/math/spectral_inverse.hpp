@@ -40,8 +40,15 @@ class SpectralInverse {
   /// if anything overflowed.
   template <class Regularization>
   bool apply(Square s, Index n, const Scalar* b, Scalar* z, const Regularization& f) noexcept {
-    if (!prepare(s, n)) return false;
+    if (!prepare(s, n, Scalar(f.threshold))) return false;
     std::fill_n(z, padded<Scalar>(n), Scalar(0));
+    if (large_) {
+      if (!jacobi(s, f)) return false;
+      transposed_product(n, n, 1, vectors_, {const_cast<Scalar*>(b), 0}, {y_, 0});
+      solve<true>(y_, 1, 1);
+      product<Into::set, Scalar>(n, 1, n, vectors_, {y_, 1, 0}, {z, 0});
+      return std::isfinite(dot(n, z, z));
+    }
     Scalar* v = householder_[0];
     std::copy_n(b, n, v);
     fill_up(n, v);
@@ -69,24 +76,19 @@ class SpectralInverse {
     return std::isfinite(dot(n, z, z));
   }
 
-  /// `out = f(S)`, leading n × n, zeros after each column's n. Where S = FᵀF is given with its
-  /// `factor` F (`rows` × n), small eigenvalues are as accurate as the singular values of F.
+  /// `out` = the part of f(S) of eigenvalues from the threshold on, leading n × n, zeros after each
+  /// column's n; the others are the last `below` columns of `vectors`. Where S = FᵀF is given with
+  /// its `factor` F (`rows` × n), they are as accurate as the singular values of F.
   template <class Regularization>
   bool compute(Square s, Index n, Square out, const Regularization& f,
                const Square* factor = nullptr, Index rows = 0) noexcept {
-    if (!prepare(s, n)) return false;
-    tridiagonalize(s, 0);
-    count_below(unit_ * Scalar(f.threshold));
-    set_identity();
-    for (Index i = reflections_; i-- > 0;) {
-      for (Index j = i + 1; j < n; ++j) {
-        reflect_from(i + 1, n_, tau_[i], householder_[i], vectors_[j]);
-      }
-    }
-    if (!deflate(f, n)) return false;
+    if (!prepare(s, n, Scalar(f.threshold))) return false;
+    if (!(large_ ? jacobi(s, f) : diagonalize(s, f))) return false;
     if (factor != nullptr && below_ > 0) refine(*factor, rows, f);
+    sort(unit_ * Scalar(f.threshold));
     copy(vectors_, householder_, n);
     solve<false>(householder_.data, householder_.stride, n);
+    for (Index i = n - below_; i < n; ++i) clear(householder_.from(i), 1);
     product<Into::set>(n, n, n, householder_, transposed(vectors_), out);
     // Rows below n are left over from earlier levels.
     for (Index j = 0; j < n; ++j) {
@@ -94,10 +96,21 @@ class SpectralInverse {
     }
     return true;
   }
+  /// out += the part of the others.
+  void add_small(Square out) const noexcept {
+    for (Index i = n_ - below_; i < n_; ++i) {
+      for (Index j = 0; j < n_; ++j) axpy(n_, value_[i] * vectors_(j, i), vectors_[i], out[j]);
+    }
+  }
 
   /// How many eigenvalues of the last S, or of its part that the last b excites, lay below the
   /// threshold.
   Index below() const noexcept { return below_; }
+  /// After `compute`: V, of which the last `below` columns belong to those eigenvalues.
+  Square vectors() const noexcept { return vectors_; }
+  /// f(σ) and σ f(σ) of column `i`, one of those.
+  Scalar inverse(Index i) const noexcept { return value_[i]; }
+  Scalar gain(Index i) const noexcept { return diagonal_[i] * value_[i]; }
 
  private:
   void set_identity() noexcept {
@@ -105,14 +118,69 @@ class SpectralInverse {
     for (Index i = 0; i < n_; ++i) vectors_(i, i) = Scalar(1);
   }
 
+  /// V and the eigenvalues below the threshold, by steps 1 to 3.
+  template <class Regularization>
+  bool diagonalize(Square s, const Regularization& f) noexcept {
+    tridiagonalize(s, 0);
+    count_below(unit_ * Scalar(f.threshold));
+    set_identity();
+    for (Index i = reflections_; i-- > 0;) {
+      for (Index j = i + 1; j < n_; ++j) {
+        reflect_from(i + 1, n_, tau_[i], householder_[i], vectors_[j]);
+      }
+    }
+    return deflate(f, n_);
+  }
+
+  /// V and all eigenvalues, by Jacobi's rotations.
+  template <class Regularization>
+  bool jacobi(Square s, const Regularization& f) noexcept {
+    set_identity();
+    bool rotated = true;
+    for (int sweep = 0; sweep < 30 && rotated; ++sweep) {
+      rotated = false;
+      for (Index i = 0; i < n_; ++i) {
+        for (Index j = i + 1; j < n_; ++j) {
+          const Scalar a = s(i, i), b = s(j, j), c = s(i, j);
+          if (!(std::abs(c) > std::numeric_limits<Scalar>::epsilon() *
+                                  std::sqrt(std::abs(a)) * std::sqrt(std::abs(b))) ||
+              !(std::abs(c) > std::numeric_limits<Scalar>::min())) continue;
+          rotated = true;
+          const Scalar zeta = (b - a) / (Scalar(2) * c);
+          const Scalar t = (zeta >= Scalar(0) ? Scalar(1) : Scalar(-1)) /
+                           (std::abs(zeta) + std::hypot(Scalar(1), zeta));
+          const Scalar cosine = Scalar(1) / std::sqrt(Scalar(1) + t * t), sine = cosine * t;
+          rotate(n_, cosine, -sine, s[i], s[j]);
+          rotate(n_, cosine, -sine, vectors_[i], vectors_[j]);
+          for (Index k = 0; k < n_; ++k) {
+            const Scalar x = s(i, k), y = s(j, k);
+            s(i, k) = cosine * x - sine * y;
+            s(j, k) = cosine * y + sine * x;
+          }
+          s(i, i) = a - t * c;
+          s(j, j) = b + t * c;
+          s(i, j) = s(j, i) = Scalar(0);
+        }
+      }
+    }
+    rest_ = below_ = 0;
+    for (Index i = 0; i < n_; ++i) {
+      diagonal_[i] = s(i, i);
+      if (!(diagonal_[i] >= unit_ * Scalar(f.threshold))) ++below_;
+      value_[i] = f.inverse(std::max(diagonal_[i], Scalar(0)) / unit_);
+    }
+    return !rotated;
+  }
+
   /// S of any size comes near 1 (exactly, by a power of two), so that no square overflows or
   /// vanishes. False if it is not finite.
-  bool prepare(Square s, Index n) noexcept {
+  bool prepare(Square s, Index n, Scalar threshold) noexcept {
     n_ = size_ = n;
     reflections_ = 0;
     scale_ = Scalar(0);
     for (Index i = 0; i < n; ++i) scale_ = std::max(scale_, s(i, i));
     if (!std::isfinite(scale_)) return false;
+    large_ = scale_ > Scalar(1e6) * threshold;
     unit_ = Scalar(1);
     constexpr Scalar usual = Scalar(1 << 20);
     if (scale_ > Scalar(0) && !(scale_ < usual && scale_ * usual > Scalar(1))) {
@@ -253,8 +321,24 @@ class SpectralInverse {
       }
     }
     for (Index i = rest_; i < size_; ++i) {
-      if (small(i)) value_[i] = f.inverse(value_[i]);
+      if (!small(i)) continue;
+      diagonal_[i] = unit_ * value_[i];
+      value_[i] = f.inverse(value_[i]);
     }
+  }
+
+  /// Eigenvalues below the threshold go last, and into S's own unit.
+  void sort(Scalar threshold) noexcept {
+    Index last = size_;
+    for (Index i = size_; i-- > rest_;) {
+      if (!(diagonal_[i] < threshold)) continue;
+      --last;
+      std::swap_ranges(vectors_[i], vectors_[i] + vectors_.stride, vectors_[last]);
+      std::swap(diagonal_[i], diagonal_[last]);
+      std::swap(value_[i], value_[last]);
+      diagonal_[last] = std::max(diagonal_[last], Scalar(0)) / unit_;
+    }
+    below_ = size_ - last;
   }
 
   void qr_step(Index start, Index end, Index rows) noexcept {
@@ -322,6 +406,7 @@ class SpectralInverse {
   Square householder_{}, vectors_{};
   Scalar *tau_{}, *diagonal_{}, *sub_{}, *value_{}, *pivot_{}, *p_{}, *y_{};
   Index n_{0}, size_{0}, reflections_{0}, rest_{0}, below_{0};
+  bool large_{false};
   Scalar scale_{0}, unit_{1};  // of S as it is worked on: its largest element, and its unit
 };
 

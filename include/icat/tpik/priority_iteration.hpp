@@ -28,7 +28,7 @@ class PriorityIteration {
 
   /// Columns of n rows that it needs.
   static constexpr Index columns(Index n, Index sides) {
-    return System::columns(n, sides) + 4 * n + 6 * sides + 1;
+    return System::columns(n, sides) + 5 * n + 6 * sides + 2;
   }
 
   PriorityIteration(const Regularization& regularization, Scalar projection_weight)
@@ -39,9 +39,10 @@ class PriorityIteration {
     sides_ = sides;
     PanelMemory<Scalar> memory(memory_of_columns, n);
     system_.bind(n, sides, memory);
-    for (Block* b : {&jt_, &gram_, &f_, &weighted_}) *b = memory.take(n);
+    for (Block* b : {&jt_, &gram_, &f_, &weighted_, &basis_}) *b = memory.take(n);
     for (Block* b : {&increment, &e_, &rhs_, &y_, &z_, &side_}) *b = memory.take(sides);
     a_ = memory.take(1).data;
+    gains_ = memory.take(1).data;
   }
 
   Index dof() const noexcept { return dof_; }
@@ -61,7 +62,9 @@ class PriorityIteration {
     clear(gram_, free());
     clear(weighted_, free());
     clear(rhs_, sides_);
-    if (folds()) clear(triangle(), free());
+    if (!folds()) return;
+    clear(triangle(), free());
+    clear(weighted_triangle(), free());
   }
 
   /// Active row `i` of a Jacobian (the first n columns count) and its activation; e is what is
@@ -98,9 +101,10 @@ class PriorityIteration {
       tall() ? projector.reset_to_zero() : projector.take(rank_, jt_);
       return;
     }
-    if (tall()) {
-      product<Into::set>(rank_, rank_, rank_, f_, elements(weighted_), system_.scratch[0]);
-      projector.gain(system_.scratch[0]);
+    if (binary_ && rank_ > 1) {
+      accept_regularized();
+    } else if (tall()) {
+      projector.gain(weighted_);
     } else if (regularized_ || std::find(a_, a_ + rank_, Scalar(1)) == a_ + rank_) {
       accept_partial();
     } else {
@@ -151,6 +155,9 @@ class PriorityIteration {
   /// Rows come in chunks; `triangle` keeps R, RᵀR = BᵀB, as Rᵀ.
   bool folds() const noexcept { return active_ > dof_; }
   Block triangle() const noexcept { return system_.scratch[4]; }
+  /// The same of A^{1/2} B.
+  Block weighted_triangle() const noexcept { return system_.scratch[3]; }
+  Block weighted_rows() const noexcept { return system_.scratch[0]; }
 
   /// Makes the rows gathered so far Bᵀ, and e A^{3/2} e; a tall level sums them up.
   void absorb() noexcept {
@@ -165,52 +172,108 @@ class PriorityIteration {
       }
     }
     if (!tall()) return gram(r, k, jt_, gram_);
-    const Block weighted_rows = system_.scratch[0];
     product<Into::add>(r, r, k, jt_, transposed(jt_), gram_);
     product<Into::add>(r, sides_, k, jt_, elements(e_), rhs_);
-    for (Index i = 0; i < k; ++i) scale(r, a_[i], jt_[i], weighted_rows[i]);
-    product<Into::add>(r, r, k, weighted_rows, transposed(jt_), weighted_);
-    stored_ = 0;
-    if (folds()) {
-      fold(r, k, jt_, triangle(), system_.scratch[0].data, system_.scratch[1].data);
+    if (!binary_ || folds()) {
+      weigh_rows(k);
+      product<Into::add>(r, r, k, weighted_rows(), transposed(weighted_rows()), weighted_);
     }
+    if (folds()) fold(k);
+    stored_ = 0;
   }
 
-  /// f_ = f(gram_)
+  /// BᵀA^{1/2} of a tall level's chunk.
+  void weigh_rows(Index k) noexcept {
+    for (Index i = 0; i < k; ++i) scale(free(), std::sqrt(a_[i]), jt_[i], weighted_rows()[i]);
+  }
+  void fold(Index k) noexcept {
+    Scalar *w = system_.scratch[1].data, *x = system_.scratch[2].data;
+    detail::fold(free(), k, weighted_rows(), weighted_triangle(), w, x);
+    detail::fold(free(), k, jt_, triangle(), w, x);
+  }
+
+  /// f_ = f(gram_); of a tall level weighted_ = C.
   bool invert_gram() noexcept {
     const Index k = rank_;
+    below_ = 0;
     if (k == 1) {
       const Scalar g = gram_(0, 0);
       regularized_ = !(g >= threshold());
-      clear(f_, 1);
-      f_(0, 0) = system_.regularization.inverse(g);
+      const Scalar f = f_(0, 0) = system_.regularization.inverse(g);
+      basis_(0, 0) = Scalar(1);
+      fill_up(1, f_[0]);
+      fill_up(1, basis_[0]);
+      gains_[0] = g * f;
+      below_ = regularized_ ? 1 : 0;
+      if (tall()) weighted_(0, 0) = f * (binary_ ? g : weighted_(0, 0));
       return std::isfinite(g);
     }
     copy(gram_, f_, k);
-    // The trace of the inverse bounds the inverse of the smallest eigenvalue.
-    if (invert(k, f_, threshold()) && trace(k, f_) * threshold() <= Scalar(1)) return true;
-    const auto& [work, factor_of_tall, unused, unused_, rows_of_tall] = system_.scratch;
-    Block factor = jt_;
-    Index rows = free();
-    if (tall()) {
-      rows = folds() ? k : active_;
-      factor = factor_of_tall;
-      transpose(k, rows, folds() ? rows_of_tall : jt_, factor);
+    // The trace of the inverse bounds the inverse of the smallest eigenvalue; a Cholesky factor of
+    // gram_ − σ_t I decides.
+    if (!invert(k, f_, threshold()) || !(trace(k, f_) * threshold() <= Scalar(1) ||
+                                         cholesky(k, gram_, system_.scratch[0], threshold()))) {
+      return invert_spectrally();
     }
-    copy(gram_, work, k);
-    if (!system_.spectral.compute(work, k, f_, system_.regularization, &factor, rows)) return false;
-    regularized_ = system_.spectral.below() > 0;
+    if (tall() && !binary_) set_change(f_);
     return true;
+  }
+  void set_change(Block f) noexcept {
+    const Block change = system_.scratch[0];
+    product<Into::set>(rank_, rank_, rank_, f, elements(weighted_), change);
+    copy(change, weighted_, rank_);
+  }
+  bool invert_spectrally() noexcept {
+    const Index k = rank_;
+    const Block work = system_.scratch[1];
+    SpectralInverse<Scalar>& spectral = system_.spectral;
+    if (tall() && !folds()) {
+      clear(triangle(), k);
+      clear(weighted_triangle(), k);
+      weigh_rows(active_);
+      fold(active_);
+    }
+    if (tall()) transpose(k, k, triangle(), basis_);
+    copy(gram_, work, k);
+    if (!spectral.compute(work, k, f_, system_.regularization, tall() ? &basis_ : &jt_,
+                          tall() ? k : free())) {
+      return false;
+    }
+    below_ = spectral.below();
+    regularized_ = below_ > 0;
+    copy(spectral.vectors(), basis_, k);
+    for (Index i = k - below_; i < k; ++i) gains_[i] = spectral.gain(i);
+    if (tall() && !binary_) {
+      // W = BᵀAB = RᵀR, R that of A^{1/2} B: vᵀW loses digits for small v, (R v)ᵀR does not.
+      set_change(f_);
+      for (Index i = k - below_; i < k; ++i) {
+        const Block v = basis_.from(i), rv = work, w = work.from(1);
+        transposed_product(k, k, 1, weighted_triangle(), v, rv);
+        product<Into::set>(k, 1, k, weighted_triangle(), elements(rv), w);
+        for (Index j = 0; j < k; ++j) axpy(k, spectral.inverse(i) * w(j, 0), v[0], weighted_[j]);
+      }
+    }
+    spectral.add_small(f_);
+    return true;
+  }
+  /// y ← S f(S) y, S = gram_: the identity but for the eigenvalues below the threshold.
+  void filter(Block y) const noexcept {
+    for (Index c = 0; c < sides_; ++c) {
+      for (Index i = rank_ - below_; i < rank_; ++i) {
+        axpy(rank_, (gains_[i] - Scalar(1)) * dot(rank_, basis_[i], y[c]), basis_[i], y[c]);
+      }
+    }
   }
 
   /// z_ ← C z = Bᵀ f(BBᵀ) A y, y = B z
   bool solve_wide() noexcept {
     const Index r = free(), m = rank_;
-    if (system_.projector.orthogonal() && regularized_) {
-      product<Into::set>(m, sides_, m, f_, elements(e_), side_);
-      product<Into::set>(m, sides_, m, gram_, elements(side_), y_);
-    } else if (system_.projector.orthogonal() || (!regularized_ && system_.independent(m, jt_, f_))) {
-      copy(e_, y_, sides_);
+    if (system_.projector.orthogonal() || (!regularized_ && system_.independent(m, jt_, f_))) {
+      for (Index c = 0; c < sides_; ++c) {
+        std::copy_n(e_[c], m, y_[c]);
+        fill_up(m, y_[c]);
+      }
+      if (regularized_) filter(y_);
     } else {
       const Block btb = weighted_;
       product<Into::set>(r, sides_, m, jt_, elements(e_), rhs_);
@@ -244,9 +307,12 @@ class PriorityIteration {
                !system_.regular(gram_, rhs_, z_) && !system_.full(gram_, rhs_, z_)) {
       return false;
     }
-    if (binary_ && !regularized_) return true;  // C = I
-    product<Into::set>(r, sides_, r, weighted_, elements(z_), side_);
-    product<Into::set>(r, sides_, r, f_, elements(side_), z_);
+    if (binary_) {
+      if (regularized_) filter(z_);
+      return true;
+    }
+    copy(z_, side_, sides_);
+    product<Into::set>(r, sides_, r, weighted_, elements(side_), z_);
     return true;
   }
 
@@ -264,6 +330,28 @@ class PriorityIteration {
     system_.projector.extend(rank_, left, u);
     for (Index i = 0; i < rank_; ++i) scale(free(), a_[i], jt_[i], jt_[i]);
     system_.projector.gain(rank_, u, jt_);
+  }
+
+  /// Binary rows, of which V = [v_i] belongs to the eigenvalues σ_i of BBᵀ or BᵀB below the
+  /// threshold: C is the projector on the rows with σ_i f(σ_i) instead of 1 in the directions v_i, or
+  /// Bᵀ v_i / √σ_i. The others leave.
+  void accept_regularized() noexcept {
+    const auto& [rows, u, v, unused, unused1] = system_.scratch;
+    const Index r = free(), rest = rank_ - below_;
+    if (tall()) {
+      copy(basis_, rows, rank_);
+    } else {
+      product<Into::set>(r, rank_, rank_, jt_, elements(basis_), rows);
+      for (Index i = rest; i < rank_; ++i) {
+        const Scalar square = dot(r, rows[i], rows[i]);
+        scale(r, square > Scalar(0) ? Scalar(1) / std::sqrt(square) : Scalar(0), rows[i], rows[i]);
+      }
+    }
+    system_.projector.extend(below_, rows.from(rest), u);
+    for (Index i = 0; i < below_; ++i) scale(u.stride, gains_[rest + i], u[i], u[i]);
+    copy(rows.from(rest), v, below_);
+    system_.projector.gain(below_, u, v);
+    system_.projector.take(rest, rows);
   }
 
   /// Binary rows leave. With B⁺ = Bᵀ G⁻¹ and b, p the binary and the partial rows, V gains B⁺_p, U
@@ -360,11 +448,7 @@ class PriorityIteration {
   /// z ← f(S) S z, S = gram_: z itself where no eigenvalue lies below the threshold.
   bool close_with(Index n, Block z) noexcept {
     const auto& [s, factor, square, unused, unused1] = system_.scratch;
-    bool regular = true;
-    for (Index j = 0; j < n && regular; ++j) {
-      regular = cholesky_column(n, j, gram_, threshold(), factor);
-    }
-    if (regular) return true;
+    if (cholesky(n, gram_, factor, threshold())) return true;
     product<Into::set>(n, sides_, n, gram_, elements(z), side_);
     copy(gram_, s, n);
     return system_.regularize(s, n, side_, z, square);
@@ -376,9 +460,11 @@ class PriorityIteration {
   Index active_{0}, stored_{0}, rank_{0};  // rows of the present level; of gram_
   bool binary_{true}, regularized_{false};
   Block jt_{}, gram_{};        // Bᵀ, r × m, and BBᵀ; of a tall level a chunk, and BᵀB
-  Block f_{}, weighted_{};     // f(gram_); BᵀA B of a tall level
+  Block f_{}, weighted_{};     // f(gram_); of a tall level BᵀA B, then C
   Block e_{}, rhs_{}, y_{}, z_{}, side_{};
-  Scalar* a_{};
+  Block basis_{};  // eigenvectors of gram_, if regularized; the last below_ with small eigenvalues
+  Index below_{0};
+  Scalar *a_{}, *gains_{};
 };
 
 /// With memory of its own, for `N` degrees of freedom. Construction of dynamic size allocates;

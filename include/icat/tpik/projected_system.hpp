@@ -56,12 +56,12 @@ class ProjectedSystem {
     const Scalar rest = Scalar(1) - sigma_ * trace(m, f);
     const auto& [kv, bv, fbv, s, product_] = scratch;
     if (!(rest > Scalar(0)) || !set_kv(kv) || !invert(p, kv, Scalar(0))) return false;
-    const Block v = projector.v();
-    transposed_product(r, m, p, jt, v, bv);
+    transposed_product(r, m, p, jt, projector.v(), bv);
     product<Into::set>(m, p, m, f, elements(bv), fbv);
-    gram(r, p, v, s);
     transposed_product(m, p, p, bv, fbv, product_);
-    for (Index j = 0; j < p; ++j) axpy(p, Scalar(-1), product_[j], s[j]);
+    for (Index j = 0; j < p; ++j) {
+      combine(p, Scalar(-1), product_[j], Scalar(1), projector.v_gram()[j], s[j]);
+    }
     gram(m, p, fbv, product_);
     for (Index j = 0; j < p; ++j) {
       axpy(p, -sigma_ / rest, product_[j], s[j]);
@@ -125,10 +125,12 @@ class ProjectedSystem {
     return true;
   }
 
-  /// Whether the span of the rows, the partial ones and what U has on taken axes is smaller than M.
+  /// Whether the span of the rows, the partial ones and what U has on taken axes is so much smaller
+  /// than M that finding it pays.
   bool reduces(Index m) const noexcept {
     const Index p = projector.partial(), d = m + p;
-    return !projector.dense() && d <= projector.free() && d + taken_rank() < projector.reach();
+    return !projector.dense() && d <= projector.free() &&
+           3 * (d + taken_rank()) <= 2 * projector.reach();
   }
   /// y = B z with f(M) evaluated on that span: with Y R = [V Bᵀ], Y orthonormal, and R_tᵀR_t = K_t,
   /// M is [R_B R_Bᵀ + η R_V K R_Vᵀ, η R_V R_tᵀ; η R_t R_Vᵀ, η I] there.
@@ -192,6 +194,7 @@ class ProjectedSystem {
   bool regularize(Block s, Index n, Block in, Block out, Block square) noexcept {
     if (sides_ == 1) return spectral.apply(s, n, in.data, out.data, regularization);
     if (!spectral.compute(s, n, square, regularization)) return false;
+    spectral.add_small(square);
     product<Into::set>(n, sides_, n, square, elements(in), out);
     return true;
   }

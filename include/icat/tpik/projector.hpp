@@ -24,10 +24,10 @@ class Projector {
   using Block = Panel<Scalar>;
 
   /// Columns of n rows that it needs, where at most `most` vectors are projected at a time.
-  static constexpr Index columns(Index n, Index most) { return 5 * n + std::max(n, most) + 1; }
+  static constexpr Index columns(Index n, Index most) { return 6 * n + std::max(n, most) + 1; }
   void bind(Index n, Index most, PanelMemory<Scalar>& memory) noexcept {
     dof_ = n;
-    for (Block* b : {&reflections_, &u_, &v_, &k_free_, &k_taken_}) *b = memory.take(n);
+    for (Block* b : {&reflections_, &u_, &v_, &k_free_, &k_taken_, &v_gram_}) *b = memory.take(n);
     work_ = memory.take(std::max(n, most));
     tau_ = memory.take(1).data;
   }
@@ -132,7 +132,7 @@ class Projector {
   /// The span of `k` columns of `rows` (r × k, overwritten) is free no more.
   void take(Index k, Block rows) noexcept {
     if (k == free_) return reset_to_zero();
-    weighed_ = false;
+    if (dense_) weighed_ = false;
     for (Index i = 0; i < k; ++i) {
       const Index n = free_--;
       Scalar* x = reflections_[n - 1];
@@ -149,21 +149,28 @@ class Projector {
         for (Index c = 0; c < n - 1; ++c) axpy(reach_, -tau * x[c], work_[0], u_[c]);
         --partial_;
       } else {
-        for (Index c = 0; c < partial_; ++c) {
-          reflect(n, tau, x, v_[c]);
-          v_(n - 1, c) = Scalar(0);
-        }
+        for (Index c = 0; c < partial_; ++c) reflect(n, tau, x, v_[c]);
+        if (weighed_) move_weight(n - 1);
+        for (Index c = 0; c < partial_; ++c) v_(n - 1, c) = Scalar(0);
       }
     }
     if (!dense_ && partial_ >= free_) become_dense();
   }
 
-  /// K₀ = U_NᵀU_N and K_t = U_tᵀU_t, p × p, of the rows of U on free axes and on those taken. K_t
-  /// is zero, and not written, unless b > r.
+  /// K₀ = U_NᵀU_N and K_t = U_tᵀU_t, p × p, of the rows of U on free axes and on those taken; and
+  /// VᵀV, unless dense.
+  Block k_free() const noexcept { return k_free_; }
+  Block k_taken() const noexcept { return k_taken_; }
+  Block v_gram() const noexcept { return v_gram_; }
+  /// Makes them ready.
   void weigh() noexcept {
     if (weighed_) return;
     weighed_ = true;
-    if (reach_ == free_) return gram(free_, partial_, u_, k_free_);
+    if (!dense_) gram(free_, partial_, v_, v_gram_);
+    if (reach_ == free_) {
+      clear(k_taken_, partial_);
+      return gram(free_, partial_, u_, k_free_);
+    }
     for (Index c = 0; c < partial_; ++c) {
       std::copy_n(u_[c], free_, work_[c]);
       fill_up(free_, work_[c]);
@@ -172,8 +179,6 @@ class Projector {
     copy_taken(work_);
     gram(reach_ - free_, partial_, work_, k_taken_);
   }
-  Block k_free() const noexcept { return k_free_; }
-  Block k_taken() const noexcept { return k_taken_; }
   /// U_t, (b − r) × p.
   void copy_taken(Block out) const noexcept {
     for (Index c = 0; c < partial_; ++c) {
@@ -218,6 +223,19 @@ class Projector {
     if (partial_ == 0) reach_ = free_;
   }
 
+  /// Axis i is taken: its rows go from K₀ to K_t, and out of VᵀV.
+  void move_weight(Index i) noexcept {
+    Scalar *u = work_[0], *v = work_[1];
+    for (Index c = 0; c < partial_; ++c) u[c] = u_(i, c), v[c] = v_(i, c);
+    fill_up(partial_, u);
+    fill_up(partial_, v);
+    for (Index c = 0; c < partial_; ++c) {
+      axpy(partial_, -u[c], u, k_free_[c]);
+      axpy(partial_, u[c], u, k_taken_[c]);
+      axpy(partial_, -v[c], v, v_gram_[c]);
+    }
+  }
+
   /// Takes axis i by exchanging it with the last free one, a reflection too.
   void drop(Index i) noexcept {
     const Index last = --free_;
@@ -231,7 +249,7 @@ class Projector {
 
   Index dof_{0}, free_{0}, reach_{0}, partial_{0};
   bool dense_{false}, weighed_{false};
-  Block reflections_{}, u_{}, v_{}, k_free_{}, k_taken_{}, work_{};
+  Block reflections_{}, u_{}, v_{}, k_free_{}, k_taken_{}, v_gram_{}, work_{};
   Scalar* tau_{};  // with column i of the reflections: the one that took axis i
 };
 
