@@ -31,7 +31,7 @@ inline double relative_error(const Eigen::MatrixXd& Q, const Mat<long double>& e
 
 /// New place of each of `size` things; in order 0 each keeps its own.
 inline Eigen::PermutationMatrix<Eigen::Dynamic> places(HierarchyGenerator& gen, Eigen::Index size,
-                                                int order) {
+                                                       int order) {
   Eigen::PermutationMatrix<Eigen::Dynamic> p(size);
   p.setIdentity();
   for (int i = static_cast<int>(size) - 1; order > 0 && i > 0; --i) {
@@ -45,12 +45,11 @@ inline Eigen::PermutationMatrix<Eigen::Dynamic> places(HierarchyGenerator& gen, 
 /// gives the same.
 template <class Real>
 LiteralTpik<Real> literal_in_order(int order, const RandomHierarchy& h, std::size_t levels,
-                                           bool close, const Parameters<Real>& p) {
+                                   bool close, const Parameters<Real>& p) {
   HierarchyGenerator gen(static_cast<unsigned>(order));
   const auto columns = places(gen, h.dof, order);
   LiteralTpik<Real> tpik{p, columns * h.rho0.cast<Real>(),
-                                 columns * h.Q0.cast<Real>() * columns.transpose(),
-                                 Vec<Real>::Zero(h.dof)};
+                         columns * h.Q0.cast<Real>() * columns.transpose(), Vec<Real>::Zero(h.dof)};
   for (std::size_t l = 0; l < levels; ++l) {
     const RandomLevel& level = h.levels[l];
     const auto rows = places(gen, level.a.size(), order);
@@ -89,8 +88,7 @@ struct Judged {
 template <class Real>
 Judged expect_exact(const Eigen::VectorXd& velocity, const RandomHierarchy& h,
                     const Parameters<Real>& p = {}, double floor = 1e-9) {
-  const Vec<long double> exact =
-      solve<long double>(h, {p.lambda, p.threshold, p.eta, p.form});
+  const Vec<long double> exact = solve<long double>(h, {p.lambda, p.threshold, p.eta, p.form});
   const double error = relative_error(velocity, exact);
   return {error, expect_as_good_as_literal<Real>(
                      error, floor, h, h.levels.size(), true, p, [&](const auto& l) {

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
 /// Factorizations of panels: Householder reflections, Cholesky factors, and the inverse of a
-/// positive definite matrix by elimination (Golub & Van Loan, *Matrix Computations*, 4.2, 5.1, 5.2).
+/// positive definite matrix by elimination (Golub & Van Loan, *Matrix
+/// Computations*, 4.2, 5.1, 5.2).
 #pragma once
 
 #include "icat/math/panel.hpp"
@@ -38,8 +39,8 @@ inline void reflect_from(Index k, Index n, Scalar tau, const Scalar* v, Scalar* 
   reflect(n - top, tau, v + top, x + top);
 }
 
-/// The triangle R of `a = Y R` (rows × cols) takes the place of a; reflection k is I − tau_k v_k v_kᵀ
-/// with v_k zero above row k. Returns their number.
+/// The triangle R of `a = Y R` (rows × cols) takes the place of a; reflection k is I − tau_k v_k
+/// v_kᵀ with v_k zero above row k. Returns their number.
 template <class Scalar>
 Index triangularize(Index rows, Index cols, Panel<Scalar> a, Panel<Scalar> v,
                     Scalar* tau) noexcept {
@@ -59,8 +60,8 @@ Index triangularize(Index rows, Index cols, Panel<Scalar> a, Panel<Scalar> v,
   return steps;
 }
 
-/// R of RᵀR + `rows` `rows`ᵀ, R as its transpose `triangle`, r × r; `rows` (r × k) is overwritten. Two
-/// columns of scratch.
+/// R of RᵀR + `rows` `rows`ᵀ, R as its transpose `triangle`, r × r; `rows` (r × k) is overwritten.
+/// Two columns of scratch.
 template <class Scalar>
 void fold(Index r, Index k, Panel<Scalar> rows, Panel<Scalar> triangle, Scalar* w,
           Scalar* x) noexcept {
@@ -70,8 +71,8 @@ void fold(Index r, Index k, Panel<Scalar> rows, Panel<Scalar> triangle, Scalar* 
     if (!(square > std::numeric_limits<Scalar>::min())) continue;
     const Scalar alpha = triangle(i, i), length = std::sqrt(alpha * alpha + square);
     const Scalar beta = alpha > Scalar(0) ? -length : length;
-    const Scalar tau = (beta - alpha) / beta;
-    for (Index c = 0; c < k; ++c) x[c] = rows(i, c) / (alpha - beta);
+    const Scalar tau = (beta - alpha) / beta, unit = Scalar(1) / (alpha - beta);
+    for (Index c = 0; c < k; ++c) x[c] = rows(i, c) * unit;
     std::copy_n(triangle[i], triangle.stride, w);
     product<Into::add, Scalar>(r, 1, k, rows, {x, 1, 0}, {w, 0});
     axpy(r, -tau, w, triangle[i]);

@@ -96,10 +96,13 @@ class SpectralInverse {
     }
     return true;
   }
-  /// out += the part of the others.
-  void add_small(Square out) const noexcept {
-    for (Index i = n_ - below_; i < n_; ++i) {
-      for (Index j = 0; j < n_; ++j) axpy(n_, value_[i] * vectors_(j, i), vectors_[i], out[j]);
+  /// `out` (n × k) += the part of the others times `in`. As one matrix they would lose digits: f is
+  /// large there.
+  void add_small(Index k, Square in, Square out) const noexcept {
+    for (Index c = 0; c < k; ++c) {
+      for (Index i = n_ - below_; i < n_; ++i) {
+        axpy(n_, value_[i] * dot(n_, vectors_[i], in[c]), vectors_[i], out[c]);
+      }
     }
   }
 
@@ -142,9 +145,10 @@ class SpectralInverse {
       for (Index i = 0; i < n_; ++i) {
         for (Index j = i + 1; j < n_; ++j) {
           const Scalar a = s(i, i), b = s(j, j), c = s(i, j);
-          if (!(std::abs(c) > std::numeric_limits<Scalar>::epsilon() *
-                                  std::sqrt(std::abs(a)) * std::sqrt(std::abs(b))) ||
-              !(std::abs(c) > std::numeric_limits<Scalar>::min())) continue;
+          if (!(std::abs(c) > std::numeric_limits<Scalar>::epsilon() * std::sqrt(std::abs(a)) *
+                                  std::sqrt(std::abs(b))) ||
+              !(std::abs(c) > std::numeric_limits<Scalar>::min()))
+            continue;
           rotated = true;
           const Scalar zeta = (b - a) / (Scalar(2) * c);
           const Scalar t = (zeta >= Scalar(0) ? Scalar(1) : Scalar(-1)) /

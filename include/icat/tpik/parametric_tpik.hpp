@@ -111,7 +111,6 @@ class ParametricTpik {
   static constexpr int columns = 1 + Parameters;
   using Law = Eigen::Matrix<Scalar, N, columns>;  // [ρ̃ P]
 
-
   [[gnu::cold]] ParametricTpik(Index dof, const Options& options, int)
       : iteration_(validated(options, dof), options.regularization, options.projection_weight),
         law_(detail::zeros<Law>(dof, columns)),

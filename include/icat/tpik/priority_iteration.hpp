@@ -5,9 +5,9 @@
 /// With Q = L Nᵀ, L = N − U Vᵀ (projector.hpp), X = J L, B = A^{1/2} X over the rows of activation
 /// a > 0 (a row with a = 0 drops out of Eq. (20) exactly), f the regularized inverse, e = ẋ̄ − J ρ:
 ///
-///     z = f(M) Bᵀ A^{3/2} e,   M = BᵀB + η (I − Q)ᵀ(I − Q)                      W e = X z, Eq. (20)
-///     C = X^{#,A,I} X = f(BᵀB) BᵀA B = Bᵀ f(BBᵀ) A B
-///     Δ = L C z,        Q ← Q − L C Nᵀ                                              [Eq. (22)]
+///     z = f(M) Bᵀ A^{3/2} e,   M = BᵀB + η (I − Q)ᵀ(I − Q)                      W e = X z, Eq.
+///     (20) C = X^{#,A,I} X = f(BᵀB) BᵀA B = Bᵀ f(BBᵀ) A B Δ = L C z,        Q ← Q − L C Nᵀ [Eq.
+///     (22)]
 ///
 /// How z is found: projected_system.hpp. Derivations: docs/solver.md.
 ///
@@ -28,7 +28,7 @@ class PriorityIteration {
 
   /// Columns of n rows that it needs.
   static constexpr Index columns(Index n, Index sides) {
-    return System::columns(n, sides) + 5 * n + 6 * sides + 2;
+    return System::columns(n, sides) + 5 * n + 6 * sides + 3;
   }
 
   PriorityIteration(const Regularization& regularization, Scalar projection_weight)
@@ -43,6 +43,7 @@ class PriorityIteration {
     for (Block* b : {&increment, &e_, &rhs_, &y_, &z_, &side_}) *b = memory.take(sides);
     a_ = memory.take(1).data;
     gains_ = memory.take(1).data;
+    inverses_ = memory.take(1).data;
   }
 
   Index dof() const noexcept { return dof_; }
@@ -58,13 +59,9 @@ class PriorityIteration {
     active_ = active;
     stored_ = 0;
     binary_ = true;
-    if (!tall()) return;
-    clear(gram_, free());
-    clear(weighted_, free());
-    clear(rhs_, sides_);
     if (!folds()) return;
-    clear(triangle(), free());
-    clear(weighted_triangle(), free());
+    for (Block b : {gram_, weighted_, triangle(), weighted_triangle()}) clear(b, free());
+    clear(rhs_, sides_);
   }
 
   /// Active row `i` of a Jacobian (the first n columns count) and its activation; e is what is
@@ -86,8 +83,10 @@ class PriorityIteration {
   /// changed, if anything overflowed.
   bool solve() noexcept {
     regularized_ = false;
-    clear(increment, sides_);
-    if (free() == 0) return true;
+    if (free() == 0) {
+      clear(increment, sides_);
+      return true;
+    }
     absorb();
     rank_ = std::min(active_, free());
     return invert_gram() && (tall() ? solve_tall() : solve_wide()) && extend();
@@ -116,8 +115,10 @@ class PriorityIteration {
   /// A closing level with J = I, A = I [Coop, Eq. (23)] for e = −`current` (n × sides, columns
   /// `step` apart). Nothing may come after it.
   bool close(const Scalar* current, Index step) noexcept {
-    clear(increment, sides_);
-    if (free() == 0) return true;
+    if (free() == 0) {
+      clear(increment, sides_);
+      return true;
+    }
     for (Index c = 0; c < sides_; ++c) {
       for (Index i = 0; i < dof_; ++i) e_(i, c) = -current[i + c * step];
       fill_up(dof_, e_[c]);
@@ -172,13 +173,18 @@ class PriorityIteration {
       }
     }
     if (!tall()) return gram(r, k, jt_, gram_);
+    if (!folds()) {
+      product<Into::set>(r, r, k, jt_, transposed(jt_), gram_);
+      product<Into::set>(r, sides_, k, jt_, elements(e_), rhs_);
+      if (binary_) return;
+      weigh_rows(k);
+      return product<Into::set>(r, r, k, weighted_rows(), transposed(weighted_rows()), weighted_);
+    }
     product<Into::add>(r, r, k, jt_, transposed(jt_), gram_);
     product<Into::add>(r, sides_, k, jt_, elements(e_), rhs_);
-    if (!binary_ || folds()) {
-      weigh_rows(k);
-      product<Into::add>(r, r, k, weighted_rows(), transposed(weighted_rows()), weighted_);
-    }
-    if (folds()) fold(k);
+    weigh_rows(k);
+    product<Into::add>(r, r, k, weighted_rows(), transposed(weighted_rows()), weighted_);
+    fold(k);
     stored_ = 0;
   }
 
@@ -188,22 +194,25 @@ class PriorityIteration {
   }
   void fold(Index k) noexcept {
     Scalar *w = system_.scratch[1].data, *x = system_.scratch[2].data;
-    detail::fold(free(), k, weighted_rows(), weighted_triangle(), w, x);
+    if (!binary_ || folds()) detail::fold(free(), k, weighted_rows(), weighted_triangle(), w, x);
     detail::fold(free(), k, jt_, triangle(), w, x);
   }
 
-  /// f_ = f(gram_); of a tall level weighted_ = C.
+  /// f_ = f(gram_) without the eigenvalues below the threshold, which are the last of basis_; of a
+  /// tall level weighted_ = C.
   bool invert_gram() noexcept {
     const Index k = rank_;
     below_ = 0;
     if (k == 1) {
       const Scalar g = gram_(0, 0);
       regularized_ = !(g >= threshold());
-      const Scalar f = f_(0, 0) = system_.regularization.inverse(g);
+      const Scalar f = system_.regularization.inverse(g);
+      f_(0, 0) = regularized_ ? Scalar(0) : f;
       basis_(0, 0) = Scalar(1);
       fill_up(1, f_[0]);
       fill_up(1, basis_[0]);
       gains_[0] = g * f;
+      inverses_[0] = f;
       below_ = regularized_ ? 1 : 0;
       if (tall()) weighted_(0, 0) = f * (binary_ ? g : weighted_(0, 0));
       return std::isfinite(g);
@@ -211,8 +220,9 @@ class PriorityIteration {
     copy(gram_, f_, k);
     // The trace of the inverse bounds the inverse of the smallest eigenvalue; a Cholesky factor of
     // gram_ − σ_t I decides.
-    if (!invert(k, f_, threshold()) || !(trace(k, f_) * threshold() <= Scalar(1) ||
-                                         cholesky(k, gram_, system_.scratch[0], threshold()))) {
+    if (!detail::invert(k, f_, threshold()) ||
+        !(trace(k, f_) * threshold() <= Scalar(1) ||
+          cholesky(k, gram_, system_.scratch[0], threshold()))) {
       return invert_spectrally();
     }
     if (tall() && !binary_) set_change(f_);
@@ -242,7 +252,10 @@ class PriorityIteration {
     below_ = spectral.below();
     regularized_ = below_ > 0;
     copy(spectral.vectors(), basis_, k);
-    for (Index i = k - below_; i < k; ++i) gains_[i] = spectral.gain(i);
+    for (Index i = k - below_; i < k; ++i) {
+      gains_[i] = spectral.gain(i);
+      inverses_[i] = spectral.inverse(i);
+    }
     if (tall() && !binary_) {
       // W = BᵀAB = RᵀR, R that of A^{1/2} B: vᵀW loses digits for small v, (R v)ᵀR does not.
       set_change(f_);
@@ -253,8 +266,16 @@ class PriorityIteration {
         for (Index j = 0; j < k; ++j) axpy(k, spectral.inverse(i) * w(j, 0), v[0], weighted_[j]);
       }
     }
-    spectral.add_small(f_);
     return true;
+  }
+  /// out = f(S) in, S = gram_. Large values of f must not meet the rounding of others.
+  void invert(Block in, Block out) const noexcept {
+    detail::product<Into::set>(rank_, sides_, rank_, f_, elements(in), out);
+    for (Index c = 0; c < sides_; ++c) {
+      for (Index i = rank_ - below_; i < rank_; ++i) {
+        axpy(rank_, inverses_[i] * dot(rank_, basis_[i], in[c]), basis_[i], out[c]);
+      }
+    }
   }
   /// y ← S f(S) y, S = gram_: the identity but for the eigenvalues below the threshold.
   void filter(Block y) const noexcept {
@@ -269,6 +290,10 @@ class PriorityIteration {
   bool solve_wide() noexcept {
     const Index r = free(), m = rank_;
     if (system_.projector.orthogonal() || (!regularized_ && system_.independent(m, jt_, f_))) {
+      if (binary_ && !regularized_) {
+        apply_wide(e_);
+        return true;
+      }
       for (Index c = 0; c < sides_; ++c) {
         std::copy_n(e_[c], m, y_[c]);
         fill_up(m, y_[c]);
@@ -278,31 +303,31 @@ class PriorityIteration {
       const Block btb = weighted_;
       product<Into::set>(r, sides_, m, jt_, elements(e_), rhs_);
       product<Into::set>(r, r, m, jt_, transposed(jt_), btb);
-      if (!system_.regular(btb, rhs_, z_)) {
-        if (system_.reduces(m)) {
-          if (!system_.reduced(m, jt_, e_, y_)) return false;
-          return apply_wide();
-        }
+      if (system_.regular(btb, rhs_, z_)) {
+        transposed_product(r, m, sides_, jt_, z_, y_);
+      } else if (system_.reduces(m)) {
+        if (!system_.reduced(m, jt_, e_, y_)) return false;
+      } else {
         if (!system_.full(btb, rhs_, z_)) return false;
+        transposed_product(r, m, sides_, jt_, z_, y_);
       }
-      transposed_product(r, m, sides_, jt_, z_, y_);
     }
-    return apply_wide();
-  }
-  bool apply_wide() noexcept {
     for (Index c = 0; c < sides_; ++c) {
-      for (Index i = 0; i < rank_; ++i) y_(i, c) *= a_[i];
+      for (Index i = 0; i < m; ++i) y_(i, c) *= a_[i];
     }
-    product<Into::set>(rank_, sides_, rank_, f_, elements(y_), side_);
-    product<Into::set>(free(), sides_, rank_, jt_, elements(side_), z_);
+    apply_wide(y_);
     return true;
+  }
+  void apply_wide(Block y) noexcept {
+    invert(y, side_);
+    product<Into::set>(free(), sides_, rank_, jt_, elements(side_), z_);
   }
 
   /// z_ ← C z = f(BᵀB) BᵀA B z
   bool solve_tall() noexcept {
     const Index r = free();
     if (system_.projector.orthogonal()) {
-      product<Into::set>(r, sides_, r, f_, elements(rhs_), z_);
+      invert(rhs_, z_);
     } else if ((regularized_ || !system_.corrected(f_, rhs_, z_)) &&
                !system_.regular(gram_, rhs_, z_) && !system_.full(gram_, rhs_, z_)) {
       return false;
@@ -325,16 +350,20 @@ class PriorityIteration {
 
   /// No row leaves: L C = (L B⁺) A B with B⁺ = Bᵀ f(BBᵀ).
   void accept_partial() noexcept {
-    const auto& [left, u, unused, unused1, unused2] = system_.scratch;
+    const auto& [left, u, w, unused, unused1] = system_.scratch;
     product<Into::set>(free(), rank_, rank_, jt_, elements(f_), left);
+    for (Index i = rank_ - below_; i < rank_; ++i) {
+      product<Into::set>(free(), 1, rank_, jt_, elements(basis_.from(i)), w);
+      for (Index j = 0; j < rank_; ++j) axpy(free(), inverses_[i] * basis_(j, i), w[0], left[j]);
+    }
     system_.projector.extend(rank_, left, u);
     for (Index i = 0; i < rank_; ++i) scale(free(), a_[i], jt_[i], jt_[i]);
     system_.projector.gain(rank_, u, jt_);
   }
 
   /// Binary rows, of which V = [v_i] belongs to the eigenvalues σ_i of BBᵀ or BᵀB below the
-  /// threshold: C is the projector on the rows with σ_i f(σ_i) instead of 1 in the directions v_i, or
-  /// Bᵀ v_i / √σ_i. The others leave.
+  /// threshold: C is the projector on the rows with σ_i f(σ_i) instead of 1 in the directions v_i,
+  /// or Bᵀ v_i / √σ_i. The others leave.
   void accept_regularized() noexcept {
     const auto& [rows, u, v, unused, unused1] = system_.scratch;
     const Index r = free(), rest = rank_ - below_;
@@ -447,7 +476,7 @@ class PriorityIteration {
 
   /// z ← f(S) S z, S = gram_: z itself where no eigenvalue lies below the threshold.
   bool close_with(Index n, Block z) noexcept {
-    const auto& [s, factor, square, unused, unused1] = system_.scratch;
+    const auto& [s, factor, reflections, square, unused] = system_.scratch;
     if (cholesky(n, gram_, factor, threshold())) return true;
     product<Into::set>(n, sides_, n, gram_, elements(z), side_);
     copy(gram_, s, n);
@@ -459,12 +488,12 @@ class PriorityIteration {
   Index dof_{0}, sides_{0};
   Index active_{0}, stored_{0}, rank_{0};  // rows of the present level; of gram_
   bool binary_{true}, regularized_{false};
-  Block jt_{}, gram_{};        // Bᵀ, r × m, and BBᵀ; of a tall level a chunk, and BᵀB
-  Block f_{}, weighted_{};     // f(gram_); of a tall level BᵀA B, then C
+  Block jt_{}, gram_{};     // Bᵀ, r × m, and BBᵀ; of a tall level a chunk, and BᵀB
+  Block f_{}, weighted_{};  // f(gram_); of a tall level BᵀA B, then C
   Block e_{}, rhs_{}, y_{}, z_{}, side_{};
   Block basis_{};  // eigenvectors of gram_, if regularized; the last below_ with small eigenvalues
   Index below_{0};
-  Scalar *a_{}, *gains_{};
+  Scalar *a_{}, *gains_{}, *inverses_{};  // activations; σ f(σ) and f(σ) of those
 };
 
 /// With memory of its own, for `N` degrees of freedom. Construction of dynamic size allocates;

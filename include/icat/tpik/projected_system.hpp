@@ -10,9 +10,9 @@
 ///     M = [ BᵀB + η V K Vᵀ    η V U_tᵀ ]        K_v = η K₀ − σ_t η / (η − σ_t) K_t
 ///         [ η U_t Vᵀ          η I      ]
 ///
-/// Where no eigenvalue of M but zeros lies below the threshold σ_t, f(M) is the inverse, and without
-/// the taken axes M is BᵀB + η V K₀ Vᵀ; their part of M − σ_t I leaves BᵀB + V K_v Vᵀ − σ_t I.
-/// Each way below is exact; the first that is certain of that is taken.
+/// Where no eigenvalue of M but zeros lies below the threshold σ_t, f(M) is the inverse, and
+/// without the taken axes M is BᵀB + η V K₀ Vᵀ; their part of M − σ_t I leaves BᵀB + V K_v Vᵀ − σ_t
+/// I. Each way below is exact; the first that is certain of that is taken.
 #pragma once
 
 #include "icat/math/regularization.hpp"
@@ -47,9 +47,9 @@ class ProjectedSystem {
   }
   void reset() noexcept { small_eigenvalues_ = false; }
 
-  /// Rows that are independent of the partial ones, m + p ≤ r: then z can satisfy both, and B z = e.
-  /// It is certain where K_v > 0, G = BBᵀ ≥ σ_t and VᵀV − σ_t K_v⁻¹ − VᵀBᵀ (G − σ_t I)⁻¹ B V > 0,
-  /// of which (G − σ_t I)⁻¹ ≤ G⁻¹ + σ_t / (1 − σ_t tr G⁻¹) G⁻². `f` is G⁻¹.
+  /// Rows that are independent of the partial ones, m + p ≤ r: then z can satisfy both, and B z =
+  /// e. It is certain where K_v > 0, G = BBᵀ ≥ σ_t and VᵀV − σ_t K_v⁻¹ − VᵀBᵀ (G − σ_t I)⁻¹ B V >
+  /// 0, of which (G − σ_t I)⁻¹ ≤ G⁻¹ + σ_t / (1 − σ_t tr G⁻¹) G⁻². `f` is G⁻¹.
   bool independent(Index m, Block jt, Block f) noexcept {
     const Index r = projector.free(), p = projector.partial();
     if (m + p > r || small_eigenvalues_) return false;
@@ -73,7 +73,7 @@ class ProjectedSystem {
   /// z = M⁻¹ `rhs` by Cholesky factors, where BᵀB + V K_v Vᵀ − σ_t I has one. `btb` is BᵀB.
   bool regular(Block btb, Block rhs, Block z) noexcept {
     if (small_eigenvalues_ || !valid_kv()) return false;
-    const Index r = projector.free(), p = projector.partial();
+    const Index r = projector.free();
     const auto& [m, shifted, factor, shifted_factor, vk] = scratch;
     projector.weigh();
     copy(btb, m, r);
@@ -194,8 +194,8 @@ class ProjectedSystem {
   bool regularize(Block s, Index n, Block in, Block out, Block square) noexcept {
     if (sides_ == 1) return spectral.apply(s, n, in.data, out.data, regularization);
     if (!spectral.compute(s, n, square, regularization)) return false;
-    spectral.add_small(square);
     product<Into::set>(n, sides_, n, square, elements(in), out);
+    spectral.add_small(sides_, in, out);
     return true;
   }
   /// z = (l lᵀ)⁻¹ rhs
@@ -242,7 +242,7 @@ class ProjectedSystem {
     return true;
   }
 
-  Scalar sigma_, eta_;             // σ_t, η
+  Scalar sigma_, eta_;  // σ_t, η
   Index sides_{0};
   bool small_eigenvalues_{false};  // the last M had some; the next is likely to
   Block side_{}, other_{};

@@ -8,8 +8,8 @@
 /// rows that still matter. While p = 0, Q is an orthogonal projector. Where p would reach r, U
 /// becomes U Vᵀ and V = I: the *dense* form.
 ///
-/// **Coordinates.** Reflections turn the axes so that the free ones are the first r. U keeps what it
-/// has on axes that were taken after its first column came: it reaches the first b ≥ r axes.
+/// **Coordinates.** Reflections turn the axes so that the free ones are the first r. U keeps what
+/// it has on axes that were taken after its first column came: it reaches the first b ≥ r axes.
 #pragma once
 
 #include "icat/math/factorization.hpp"
@@ -66,9 +66,9 @@ class Projector {
     }
   }
 
-  Index free() const noexcept { return free_; }        ///< r
+  Index free() const noexcept { return free_; }                           ///< r
   Index reach() const noexcept { return partial_ > 0 ? reach_ : free_; }  ///< b
-  Index partial() const noexcept { return partial_; }  ///< p
+  Index partial() const noexcept { return partial_; }                     ///< p
   bool orthogonal() const noexcept { return partial_ == 0; }
   bool dense() const noexcept { return dense_; }
   Block u() const noexcept { return u_; }  ///< b × p
@@ -90,7 +90,7 @@ class Projector {
   /// x (b × k, in the axes) ← Lᵀ x (r × k).
   void restrict(Index k, Block x) const noexcept {
     if (partial_ > 0) transposed_product(reach_, partial_, k, u_, x, work_);
-    for (Index c = 0; c < k; ++c) std::fill_n(x[c] + free_, x.stride - free_, Scalar(0));
+    for (Index c = 0; c < k; ++c) fill_up(free_, x[c]);
     if (dense_) {
       for (Index c = 0; c < k; ++c) axpy(free_, Scalar(-1), work_[c], x[c]);
     } else if (partial_ > 0) {

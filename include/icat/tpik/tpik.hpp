@@ -190,7 +190,8 @@ class Tpik {
       iteration_.begin(level.active_rows);
       for (Index i = 0; i < level.rows; ++i) {
         const Scalar a = input.activation(i), wanted = input.reference(i);
-        if (a > Scalar(0)) iteration_.template row<N>(input.jacobian, i, a, &wanted, rho_.data(), 0);
+        if (a > Scalar(0))
+          iteration_.template row<N>(input.jacobian, i, a, &wanted, rho_.data(), 0);
       }
       if (!iteration_.solve()) {
         level.status = Status::numerical_failure;
