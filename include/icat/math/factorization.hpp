@@ -80,6 +80,53 @@ void fold(Index r, Index k, Panel<Scalar> rows, Panel<Scalar> triangle, Scalar* 
   }
 }
 
+/// A rotation that makes [a c; c b] diagonal (Golub & Van Loan, 8.5); c is not zero.
+template <class Scalar>
+struct JacobiRotation {
+  Scalar cosine, sine, tangent;
+
+  static JacobiRotation make(Scalar a, Scalar b, Scalar c) noexcept {
+    const Scalar zeta = (b - a) / (Scalar(2) * c);
+    const Scalar t = (zeta >= Scalar(0) ? Scalar(1) : Scalar(-1)) /
+                     (std::abs(zeta) + std::hypot(Scalar(1), zeta));
+    const Scalar cosine = Scalar(1) / std::sqrt(Scalar(1) + t * t);
+    return {cosine, cosine * t, t};
+  }
+};
+
+/// Makes the positive semi-definite `s` diagonal, V ← V times the rotations. Slow, but the small
+/// eigenvalues of a matrix with large ones keep their digits. False if 30 sweeps do not do (six
+/// are usual).
+template <class Scalar>
+bool jacobi(Index n, Panel<Scalar> s, Panel<Scalar> v) noexcept {
+  for (int sweep = 0; sweep < 30; ++sweep) {
+    bool rotated = false;
+    for (Index i = 0; i < n; ++i) {
+      for (Index j = i + 1; j < n; ++j) {
+        const Scalar a = s(i, i), b = s(j, j), c = s(i, j);
+        const Scalar nothing = std::max(std::numeric_limits<Scalar>::epsilon() *
+                                            std::sqrt(std::abs(a)) * std::sqrt(std::abs(b)),
+                                        std::numeric_limits<Scalar>::min());
+        if (!(std::abs(c) > nothing)) continue;
+        rotated = true;
+        const auto r = JacobiRotation<Scalar>::make(a, b, c);
+        rotate(n, r.cosine, -r.sine, s[i], s[j]);
+        rotate(n, r.cosine, -r.sine, v[i], v[j]);
+        for (Index k = 0; k < n; ++k) {
+          const Scalar x = s(i, k), y = s(j, k);
+          s(i, k) = r.cosine * x - r.sine * y;
+          s(j, k) = r.cosine * y + r.sine * x;
+        }
+        s(i, i) = a - r.tangent * c;
+        s(j, j) = b + r.tangent * c;
+        s(i, j) = s(j, i) = Scalar(0);
+      }
+    }
+    if (!rotated) return true;
+  }
+  return false;
+}
+
 /// Gauss and Jordan's inverse of a positive definite matrix, in its place. False, with the matrix
 /// spoilt, at a pivot below `least`: pivots are Schur complements, so none is smaller than the
 /// smallest eigenvalue.

@@ -43,7 +43,7 @@ class SpectralInverse {
     if (!prepare(s, n, Scalar(f.threshold))) return false;
     std::fill_n(z, padded<Scalar>(n), Scalar(0));
     if (large_) {
-      if (!jacobi(s, f)) return false;
+      if (!rotate_all(s, f)) return false;
       transposed_product(n, n, 1, vectors_, {const_cast<Scalar*>(b), 0}, {y_, 0});
       solve<true>(y_, 1, 1);
       product<Into::set, Scalar>(n, 1, n, vectors_, {y_, 1, 0}, {z, 0});
@@ -83,7 +83,7 @@ class SpectralInverse {
   bool compute(Square s, Index n, Square out, const Regularization& f,
                const Square* factor = nullptr, Index rows = 0) noexcept {
     if (!prepare(s, n, Scalar(f.threshold))) return false;
-    if (!(large_ ? jacobi(s, f) : diagonalize(s, f))) return false;
+    if (!(large_ ? rotate_all(s, f) : diagonalize(s, f))) return false;
     if (factor != nullptr && below_ > 0) refine(*factor, rows, f);
     sort(unit_ * Scalar(f.threshold));
     copy(vectors_, householder_, n);
@@ -137,43 +137,16 @@ class SpectralInverse {
 
   /// V and all eigenvalues, by Jacobi's rotations.
   template <class Regularization>
-  bool jacobi(Square s, const Regularization& f) noexcept {
+  bool rotate_all(Square s, const Regularization& f) noexcept {
     set_identity();
-    bool rotated = true;
-    for (int sweep = 0; sweep < 30 && rotated; ++sweep) {
-      rotated = false;
-      for (Index i = 0; i < n_; ++i) {
-        for (Index j = i + 1; j < n_; ++j) {
-          const Scalar a = s(i, i), b = s(j, j), c = s(i, j);
-          if (!(std::abs(c) > std::numeric_limits<Scalar>::epsilon() * std::sqrt(std::abs(a)) *
-                                  std::sqrt(std::abs(b))) ||
-              !(std::abs(c) > std::numeric_limits<Scalar>::min()))
-            continue;
-          rotated = true;
-          const Scalar zeta = (b - a) / (Scalar(2) * c);
-          const Scalar t = (zeta >= Scalar(0) ? Scalar(1) : Scalar(-1)) /
-                           (std::abs(zeta) + std::hypot(Scalar(1), zeta));
-          const Scalar cosine = Scalar(1) / std::sqrt(Scalar(1) + t * t), sine = cosine * t;
-          rotate(n_, cosine, -sine, s[i], s[j]);
-          rotate(n_, cosine, -sine, vectors_[i], vectors_[j]);
-          for (Index k = 0; k < n_; ++k) {
-            const Scalar x = s(i, k), y = s(j, k);
-            s(i, k) = cosine * x - sine * y;
-            s(j, k) = cosine * y + sine * x;
-          }
-          s(i, i) = a - t * c;
-          s(j, j) = b + t * c;
-          s(i, j) = s(j, i) = Scalar(0);
-        }
-      }
-    }
+    if (!jacobi(n_, s, vectors_)) return false;
     rest_ = below_ = 0;
     for (Index i = 0; i < n_; ++i) {
       diagonal_[i] = s(i, i);
       if (!(diagonal_[i] >= unit_ * Scalar(f.threshold))) ++below_;
       value_[i] = f.inverse(std::max(diagonal_[i], Scalar(0)) / unit_);
     }
-    return !rotated;
+    return true;
   }
 
   /// S of any size comes near 1 (exactly, by a power of two), so that no square overflows or
@@ -313,12 +286,9 @@ class SpectralInverse {
           if (!(std::abs(product) > rounding * std::sqrt(value_[i]) * std::sqrt(value_[j])))
             continue;
           rotated = true;
-          const Scalar zeta = (value_[j] - value_[i]) / (Scalar(2) * product);
-          const Scalar t = (zeta >= Scalar(0) ? Scalar(1) : Scalar(-1)) /
-                           (std::abs(zeta) + std::hypot(Scalar(1), zeta));
-          const Scalar cosine = Scalar(1) / std::sqrt(Scalar(1) + t * t);
-          rotate(rows, cosine, -cosine * t, c[i], c[j]);
-          rotate(n_, cosine, -cosine * t, v[i], v[j]);
+          const auto r = JacobiRotation<Scalar>::make(value_[i], value_[j], product);
+          rotate(rows, r.cosine, -r.sine, c[i], c[j]);
+          rotate(n_, r.cosine, -r.sine, v[i], v[j]);
           value_[i] = dot(rows, c[i], c[i]);
           value_[j] = dot(rows, c[j], c[j]);
         }

@@ -16,7 +16,7 @@
 #pragma once
 
 #include "icat/tpik/level_check.hpp"
-#include "icat/tpik/priority_iteration.hpp"
+#include "icat/tpik/stored_iteration.hpp"
 
 namespace icat {
 

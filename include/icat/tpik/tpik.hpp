@@ -16,8 +16,8 @@
 #include <concepts>
 
 #include "icat/tpik/level_check.hpp"
-#include "icat/tpik/priority_iteration.hpp"
 #include "icat/tpik/redistribution.hpp"
+#include "icat/tpik/stored_iteration.hpp"
 #include "icat/tpik/velocity_bounds.hpp"
 
 namespace icat {
