@@ -8,11 +8,11 @@
 #include <icat/math/spectral_inverse.hpp>
 #include <random>
 
+#include "support/panels.hpp"
+
 namespace {
 
 using Matrix = Eigen::MatrixXd;
-using Panel = icat::detail::Panel<double, Eigen::Dynamic>;
-using Column = icat::detail::Panel<double, Eigen::Dynamic, 1>;
 
 // Seen in a torso of 16 joints: two eigenvalues of 1 beside ten of 0, and no diagonal element above
 // 0.43. What an element of 1 leaves of rounding passed for an element still to be eliminated.
@@ -32,19 +32,23 @@ TEST(SpectralInverse, ConvergesForEqualEigenvalues) {
     const Matrix product = Q * values.asDiagonal() * Q.transpose();
     const Matrix S = (product + product.transpose()) / 2;
 
-    auto s = icat::detail::zero_panel<Panel>(n, n), out = s;
-    s.topLeftCorner(n, n) = S;
-    icat::detail::SpectralInverse<double, Eigen::Dynamic> inverse(n);
+    Panels<double> memory(n);
+    icat::detail::SpectralInverse<double> inverse;
+    inverse.bind(n, memory.next);
+    const auto s = memory.take(n), out = memory.take(n), unit = memory.take(n), b = memory.take(1),
+               z = memory.take(1);
+    memory.set(s, S);
     ASSERT_TRUE(inverse.compute(s, n, out, f)) << "matrix " << k << ", " << n << " x " << n;
+    memory.set(unit, Eigen::MatrixXd::Identity(n, n));
+    inverse.add_small(n, unit, out);
 
-    auto b = icat::detail::zero_panel<Column>(n, 1), z = b;
-    for (int i = 0; i < n; ++i) b(i, 0) = normal(rng);
-    s.topLeftCorner(n, n) = S;
-    ASSERT_TRUE(inverse.apply(s, n, b.data(), z.data(), f)) << "matrix " << k;
+    memory.set(b, Matrix::NullaryExpr(n, 1, [&] { return normal(rng); }));
+    memory.set(s, S);
+    ASSERT_TRUE(inverse.apply(s, n, b.data, z.data, f)) << "matrix " << k;
 
     // Where no eigenvalue is small, f is the inverse on the range.
     if (k % 2 == 1) continue;
-    const Matrix value = S * out.topLeftCorner(n, n) * S;
+    const Matrix value = S * memory.block(out, n, n) * S;
     EXPECT_LT((value - S).norm(), 1e-12 * n) << "matrix " << k;  // n² products of rounding 1e-16
   }
 }

@@ -7,6 +7,7 @@
 #include <icat/tpik/tpik.hpp>
 
 #include "support/oracle.hpp"
+#include "support/panels.hpp"
 
 namespace {
 
@@ -188,12 +189,15 @@ TYPED_TEST_SUITE(Spectral, Scalars);
 // f' ≤ 1/λ² = 100 here.
 TYPED_TEST(Spectral, EqualsTheEigendecomposition) {
   using S = TypeParam;
-  using M = Eigen::Matrix<S, Eigen::Dynamic, Eigen::Dynamic>;
   const icat::BellRegularization<S> f{S(0.1), S(0.2)};
   HierarchyGenerator gen(9);
   constexpr int largest = 20;
-  icat::detail::SpectralInverse<S, Eigen::Dynamic> spectral(largest);
-  using Panel = icat::detail::Panel<S, Eigen::Dynamic>;
+  Panels<S> memory(largest);
+  icat::detail::SpectralInverse<S> spectral;
+  spectral.bind(largest, memory.next);
+  const auto matrix = memory.take(largest), out = memory.take(largest);
+  const auto unit = memory.take(largest);
+  const auto in = memory.take(1), z = memory.take(1);
   for (int n = 1; n <= largest; ++n) {
     for (int kind = 0; kind < 5; ++kind) {
       SCOPED_TRACE(n * 10 + kind);
@@ -214,24 +218,18 @@ TYPED_TEST(Spectral, EqualsTheEigendecomposition) {
       const MatrixXd exact = v * inverse.asDiagonal() * v.transpose();
       const VectorXd b = exact_S * VectorXd(gen.matrix(n, 1));
 
-      const auto panel = [&] {
-        Panel p = icat::detail::zero_panel<Panel>(largest, largest);
-        p.topLeftCorner(n, n) = exact_S.cast<S>();
-        return p;
-      };
       const double rounding = 3e3 * n * static_cast<double>(std::numeric_limits<S>::epsilon());
-      Panel s = panel(), out = panel();
-      ASSERT_TRUE(spectral.compute(s, n, out, f));
-      EXPECT_LT((M(out.topLeftCorner(n, n)).template cast<double>() - exact).norm(),
-                rounding * (1 + exact.norm()));
+      memory.set(matrix, exact_S);
+      ASSERT_TRUE(spectral.compute(matrix, n, out, f));
       EXPECT_EQ(spectral.below(), (sigma.array() < 0.2).count());
+      memory.set(unit, Eigen::MatrixXd::Identity(n, n));
+      spectral.add_small(n, unit, out);
+      EXPECT_LT((memory.block(out, n, n) - exact).norm(), rounding * (1 + exact.norm()));
 
-      s = panel();
-      Panel in = icat::detail::zero_panel<Panel>(largest, 1), z = in;
-      in.col(0).head(n) = b.cast<S>();
-      ASSERT_TRUE(spectral.apply(s, n, in.data(), z.data(), f));
-      EXPECT_LT((M(z.topRows(n)).template cast<double>() - exact * b).norm(),
-                rounding * (1 + (exact * b).norm()));
+      memory.set(matrix, exact_S);
+      memory.set(in, b);
+      ASSERT_TRUE(spectral.apply(matrix, n, in.data, z.data, f));
+      EXPECT_LT((memory.block(z, n, 1) - exact * b).norm(), rounding * (1 + (exact * b).norm()));
     }
   }
 }

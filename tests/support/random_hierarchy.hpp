@@ -22,6 +22,14 @@ struct RandomHierarchy {
   std::vector<RandomLevel> levels;
 };
 
+/// Kinds of rows that are hard for any solver.
+enum class Family {
+  dependent,         ///< exact multiples, sums and copies of other rows
+  nearly_dependent,  ///< the same, 1e-2 to 1e-12 apart
+  scaled,            ///< rows scaled by 1e-4 to 1e4
+  tall               ///< more rows than columns, at rank loss or 1e-2 to 1e-14 from it
+};
+
 class HierarchyGenerator {
  public:
   explicit HierarchyGenerator(unsigned seed) : rng_(seed) {}
@@ -105,6 +113,45 @@ class HierarchyGenerator {
             break;
           default:
             break;
+        }
+      }
+      seen.conservativeResize(seen.rows() + rows, h.dof);
+      seen.bottomRows(rows) = level.J;
+      h.levels.push_back(level);
+    }
+    return h;
+  }
+
+  /// Dof 2…7, 1…4 levels of 1…5 rows.
+  RandomHierarchy hierarchy_of(Family family) {
+    RandomHierarchy h;
+    h.dof = integer(2, 7);
+    h.rho0 = Eigen::VectorXd::Zero(h.dof);
+    h.Q0 = Eigen::MatrixXd::Identity(h.dof, h.dof);
+    Eigen::MatrixXd seen(0, h.dof);
+    for (int l = integer(1, 4); l > 0; --l) {
+      const bool tall = family == Family::tall && integer(0, 1) == 0;
+      const int rows = tall ? static_cast<int>(h.dof) + integer(1, 5) : integer(1, 5);
+      RandomLevel level{matrix(rows, h.dof), activations(rows), matrix(rows, 1)};
+      if (tall) {
+        const int rank = integer(1, static_cast<int>(h.dof));
+        const double distance = integer(0, 2) == 0 ? 0 : std::pow(10.0, -uniform(2, 14));
+        level.J = matrix(rows, rank) * matrix(rank, h.dof) + distance * level.J;
+      }
+      for (int i = 0; i < rows; ++i) {
+        if (family == Family::scaled) level.J.row(i) *= std::pow(10.0, uniform(-4, 4));
+        if (family == Family::dependent || family == Family::nearly_dependent) {
+          Eigen::MatrixXd others(seen.rows() + i, h.dof);
+          others << seen, level.J.topRows(i);
+          const int last = static_cast<int>(others.rows()) - 1;
+          if (last < 0 || integer(0, 1) == 0) continue;
+          const double menu[] = {1, -1, 2, 0.5, uniform(-3, 3)};
+          Eigen::RowVectorXd row = menu[integer(0, 4)] * others.row(integer(0, last));
+          if (integer(0, 1) == 0) row += menu[integer(0, 4)] * others.row(integer(0, last));
+          if (family == Family::nearly_dependent) {
+            row += std::pow(10.0, -uniform(2, 12)) * level.J.row(i);
+          }
+          level.J.row(i) = row;
         }
       }
       seen.conservativeResize(seen.rows() + rows, h.dof);

@@ -15,6 +15,9 @@
 
 #include "icat/core/types.hpp"
 
+// The only file that uses packets, `Eigen::internal`: they are the same in these versions.
+static_assert(EIGEN_VERSION_AT_LEAST(3, 4, 0), "icat needs Eigen 3.4 or later");
+
 namespace icat::detail {
 
 template <class Scalar>
@@ -42,35 +45,35 @@ inline void fill_up(Index n, Scalar* x) noexcept {
   for (Index i = n; i < padded<Scalar>(n); ++i) x[i] = Scalar(0);
 }
 
-/// n × k, column-major. Zero rows follow the n. Two rows at least: Eigen stores a single one by
-/// rows.
-template <class Scalar, int N, int K = N>
-using Panel =
-    Eigen::Matrix<Scalar,
-                  N == 1 && Simd<Scalar>::size == 1 ? 2 : static_cast<int>(padded<Scalar>(N)), K>;
-
-template <class P>
-P zero_panel(Index n, Index columns) {
-  constexpr int rows = P::RowsAtCompileTime;
-  return zeros<P>(rows == Eigen::Dynamic ? padded<typename P::Scalar>(n) : rows, columns);
-}
-
-/// Columns that are `stride` apart.
+/// A panel: columns that are `stride` apart, each filled up with zeros to whole packets.
 template <class Scalar>
-struct ColumnView {
+struct Panel {
   Scalar* data;
   Index stride;
+
   Scalar* operator[](Index j) const noexcept { return data + j * stride; }
-  operator ColumnView<const Scalar>() const noexcept { return {data, stride}; }
+  Scalar& operator()(Index i, Index j) const noexcept { return data[i + j * stride]; }
+  /// Without its first columns.
+  Panel from(Index column) const noexcept { return {data + column * stride, stride}; }
+  /// Without the packets above row `i`.
+  Panel below(Index i) const noexcept { return {data + packet_begin<Scalar>(i), stride}; }
 };
-template <class P>
-ColumnView<typename P::Scalar> columns(P& p) noexcept {
-  return {p.data(), p.outerStride()};
-}
-template <class P>
-ColumnView<const typename P::Scalar> columns(const P& p) noexcept {
-  return {p.data(), p.outerStride()};
-}
+
+/// Hands out panels of `n` rows, one behind the other.
+template <class Scalar>
+class PanelMemory {
+ public:
+  PanelMemory(Scalar* memory, Index n) noexcept : next_(memory), stride_(padded<Scalar>(n)) {}
+  /// With all that was in that memory before.
+  Panel<Scalar> take(Index columns) noexcept {
+    next_ += columns * stride_;
+    return {next_ - columns * stride_, stride_};
+  }
+
+ private:
+  Scalar* next_;
+  Index stride_;
+};
 
 /// A matrix that is read one element at a time: b(k, j) = data[k * inner + j * outer].
 template <class Scalar>
@@ -78,13 +81,31 @@ struct Elements {
   const Scalar* data;
   Index inner, outer;
 };
-template <class P>
-Elements<typename P::Scalar> elements(const P& p) noexcept {
-  return {p.data(), 1, p.outerStride()};
+template <class Scalar>
+Elements<Scalar> elements(Panel<Scalar> p) noexcept {
+  return {p.data, 1, p.stride};
 }
-template <class P>
-Elements<typename P::Scalar> transposed(const P& p) noexcept {
-  return {p.data(), p.outerStride(), 1};
+template <class Scalar>
+Elements<Scalar> transposed(Panel<Scalar> p) noexcept {
+  return {p.data, p.stride, 1};
+}
+
+template <class Scalar>
+void clear(Panel<Scalar> p, Index columns) noexcept {
+  std::fill_n(p.data, columns * p.stride, Scalar(0));
+}
+template <class Scalar>
+void copy(Panel<Scalar> from, Panel<Scalar> to, Index columns) noexcept {
+  std::copy_n(from.data, columns * from.stride, to.data);
+}
+
+/// out (cols × rows) = pᵀ, p: rows × cols
+template <class Scalar>
+void transpose(Index rows, Index cols, Panel<Scalar> p, Panel<Scalar> out) noexcept {
+  for (Index i = 0; i < rows; ++i) {
+    for (Index j = 0; j < cols; ++j) out(j, i) = p(i, j);
+    fill_up(cols, out[i]);
+  }
 }
 
 enum class Into { set, add, subtract };
@@ -122,8 +143,8 @@ inline void product_block(Index depth, const Scalar* a, Index lda, Elements<Scal
 /// `c (rows × cols) = a (rows × depth) b (depth × cols)`, or added to or subtracted from c. Whole
 /// packets of rows are computed. `c` must not overlap `a` or `b`.
 template <Into into, class Scalar>
-void product(Index rows, Index cols, Index depth, ColumnView<const Scalar> a, Elements<Scalar> b,
-             ColumnView<Scalar> c) noexcept {
+void product(Index rows, Index cols, Index depth, Panel<Scalar> a, Elements<Scalar> b,
+             Panel<Scalar> c) noexcept {
   constexpr Index size = Simd<Scalar>::size;
   Index i = 0;
   const auto sweep = [&]<int R>(std::integral_constant<int, R>) {
@@ -138,11 +159,6 @@ void product(Index rows, Index cols, Index depth, ColumnView<const Scalar> a, El
   while (rows - i > 3 * size) sweep(std::integral_constant<int, 4>{});
   if (rows - i > size) sweep(std::integral_constant<int, 2>{});
   if (rows - i > 0) sweep(std::integral_constant<int, 1>{});
-}
-template <Into into, class A, class C>
-void product(Index rows, Index cols, Index depth, const A& a, Elements<typename A::Scalar> b,
-             C& c) noexcept {
-  product<into, typename A::Scalar>(rows, cols, depth, columns(a), b, columns(c));
 }
 
 /// Sum of a_i b_i over `rows`, rounded up to packets.
@@ -179,7 +195,7 @@ inline bool all_finite(Index n, const Scalar* x) noexcept {
 
 /// C elements of `aᵀ x`, for columns of a side by side.
 template <int C, class Scalar>
-inline void dots(Index rows, ColumnView<const Scalar> a, const Scalar* x, Scalar* out) noexcept {
+inline void dots(Index rows, Panel<Scalar> a, const Scalar* x, Scalar* out) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   Packet sum[C];
@@ -192,30 +208,26 @@ inline void dots(Index rows, ColumnView<const Scalar> a, const Scalar* x, Scalar
 }
 
 /// `c (k × l) = aᵀ b`
-template <class A, class B, class C>
-void transposed_product(Index rows, Index k, Index l, const A& a, const B& b, C& c) noexcept {
-  const auto ca = columns(a);
-  const auto cb = columns(b);
-  const auto cc = columns(c);
+template <class Scalar>
+void transposed_product(Index rows, Index k, Index l, Panel<Scalar> a, Panel<Scalar> b,
+                        Panel<Scalar> c) noexcept {
   for (Index j = 0; j < l; ++j) {
     Index i = 0;
-    for (; i + 4 <= k; i += 4) dots<4>(rows, {ca[i], ca.stride}, cb[j], cc[j] + i);
-    for (; i < k; ++i) cc[j][i] = dot(rows, ca[i], cb[j]);
-    fill_up(k, cc[j]);
+    for (; i + 4 <= k; i += 4) dots<4>(rows, a.from(i), b[j], c[j] + i);
+    for (; i < k; ++i) c(i, j) = dot(rows, a[i], b[j]);
+    fill_up(k, c[j]);
   }
 }
 
 /// `c (k × k) = aᵀ a`
-template <class A, class C>
-void gram(Index rows, Index k, const A& a, C& c) noexcept {
-  const auto ca = columns(a);
-  const auto cc = columns(c);
+template <class Scalar>
+void gram(Index rows, Index k, Panel<Scalar> a, Panel<Scalar> c) noexcept {
   for (Index j = 0; j < k; ++j) {
     Index i = j;
-    for (; i + 4 <= k; i += 4) dots<4>(rows, {ca[i], ca.stride}, ca[j], cc[j] + i);
-    for (; i < k; ++i) cc[j][i] = dot(rows, ca[i], ca[j]);
-    for (i = j + 1; i < k; ++i) cc[i][j] = cc[j][i];
-    fill_up(k, cc[j]);
+    for (; i + 4 <= k; i += 4) dots<4>(rows, a.from(i), a[j], c[j] + i);
+    for (; i < k; ++i) c(i, j) = dot(rows, a[i], a[j]);
+    for (i = j + 1; i < k; ++i) c(j, i) = c(i, j);
+    fill_up(k, c[j]);
   }
 }
 
@@ -253,67 +265,20 @@ inline void scale(Index rows, Scalar s, const Scalar* x, Scalar* y) noexcept {
   }
 }
 
-/// A Householder reflection `I − tau v vᵀ`.
+/// `s −= v wᵀ + w vᵀ` in the columns from `first` to n and whole packets of rows from `top`.
 template <class Scalar>
-struct Reflection {
-  Scalar tau;
-  Scalar length;  ///< what is left of x on its axis
-
-  /// Maps x onto axis `k`; x becomes v. The identity for x = 0.
-  static Reflection make(Index rows, Scalar* x, Index k) noexcept {
-    const Scalar square = dot(rows, x, x);
-    if (!(square > std::numeric_limits<Scalar>::min())) return {Scalar(0), Scalar(0)};
-    const Scalar alpha = x[k];
-    const Scalar beta = alpha > Scalar(0) ? -std::sqrt(square) : std::sqrt(square);
-    scale(rows, Scalar(1) / (alpha - beta), x, x);
-    x[k] = Scalar(1);
-    return {(beta - alpha) / beta, beta};
+void subtract_symmetric(Index first, Index top, Index n, const Scalar* v, const Scalar* w,
+                        Panel<Scalar> s) noexcept {
+  using namespace Eigen::internal;
+  using Packet = typename Simd<Scalar>::Packet;
+  for (Index c = first; c < n; ++c) {
+    const Packet vc = pset1<Packet>(-v[c]), wc = pset1<Packet>(-w[c]);
+    Scalar* column = s[c];
+    for (Index i = top; i < n; i += Simd<Scalar>::size) {
+      pstoreu(column + i, pmadd(vc, ploadu<Packet>(w + i),
+                                pmadd(wc, ploadu<Packet>(v + i), ploadu<Packet>(column + i))));
+    }
   }
-};
-
-template <class Scalar>
-inline void reflect(Index rows, Scalar tau, const Scalar* v, Scalar* x) noexcept {
-  axpy(rows, -tau * dot(rows, v, x), v, x);
-}
-
-/// Column `j` of the Cholesky factor of `s − shift I`, after those before it; lower triangle, with
-/// the inverse of the diagonal on it and anything above. False unless the matrix is positive
-/// definite so far.
-template <class P>
-inline bool cholesky_column(Index n, Index j, const P& s, typename P::Scalar shift, P& l) noexcept {
-  using Scalar = typename P::Scalar;
-  const auto cl = columns(l);
-  const Index top = packet_begin<Scalar>(j);
-  Scalar* x = cl[j];
-  scale(n - top, Scalar(1), columns(s)[j] + top, x + top);
-  product<Into::subtract, Scalar>(n - top, 1, j, {cl.data + top, cl.stride},
-                                  {cl.data + j, cl.stride, 0}, {x + top, 0});
-  const Scalar pivot = x[j] - shift;
-  if (!(pivot > Scalar(0))) return false;
-  const Scalar inverse = Scalar(1) / std::sqrt(pivot);
-  scale(n - top, inverse, x + top, x + top);
-  x[j] = inverse;
-  return true;
-}
-
-/// `x = (l lᵀ)⁻¹ b`, with zeros after the n elements of x; `b` is overwritten.
-template <class P>
-void cholesky_solve(Index n, const P& l, typename P::Scalar* b, typename P::Scalar* x) noexcept {
-  using Scalar = typename P::Scalar;
-  const auto cl = columns(l);
-  for (Index j = 0; j < n; ++j) {
-    const Index top = packet_begin<Scalar>(j);
-    const Scalar y = b[j] * cl[j][j];
-    axpy(n - top, -y, cl[j] + top, b + top);
-    x[j] = y;  // b is spoilt from `top` to j
-  }
-  // From below, x takes the place of zeros in b.
-  for (Index j = 0; j < padded<Scalar>(n); ++j) b[j] = Scalar(0);
-  for (Index j = n; j-- > 0;) {
-    const Index top = packet_begin<Scalar>(j);
-    b[j] = (x[j] - dot(n - top, cl[j] + top, b + top)) * cl[j][j];
-  }
-  for (Index j = 0; j < padded<Scalar>(n); ++j) x[j] = b[j];
 }
 
 /// (a, b) ← (c a + s b, c b − s a)

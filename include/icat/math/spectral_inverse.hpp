@@ -16,164 +16,205 @@
 #include <cmath>
 #include <limits>
 
-#include "icat/math/panel.hpp"
+#include "icat/math/factorization.hpp"
 
 namespace icat::detail {
 
-template <class Scalar, int N>
+/// For matrices up to n × n, in memory that it is given. Nothing allocates.
+template <class Scalar>
 class SpectralInverse {
  public:
-  using Square = Panel<Scalar, N>;
+  using Square = Panel<Scalar>;
 
-  [[gnu::cold]] explicit SpectralInverse(Index n)
-      : householder_(zero_panel<Square>(n, n)),
-        vectors_(householder_),
-        tau_(n),
-        diagonal_(n),
-        sub_(n),
-        value_(n),
-        pivot_(n),
-        p_(zero_panel<Column>(n, 1)),
-        y_(p_) {}
+  /// Columns of n rows that it needs.
+  static constexpr Index columns(Index n) { return 2 * n + 7; }
+  void bind(Index n, PanelMemory<Scalar>& memory) noexcept {
+    householder_ = memory.take(n);
+    vectors_ = memory.take(n);
+    for (Scalar** x : {&tau_, &diagonal_, &sub_, &value_, &pivot_, &p_, &y_}) {
+      *x = memory.take(1).data;
+    }
+  }
 
   /// `z = f(S) b`, n elements and the zeros after them. `s` (leading n × n) is overwritten. False
   /// if anything overflowed.
   template <class Regularization>
-  bool apply(Square& s, Index n, const Scalar* b, Scalar* z, const Regularization& f) noexcept {
-    if (!prepare(s, n)) return false;
+  bool apply(Square s, Index n, const Scalar* b, Scalar* z, const Regularization& f) noexcept {
+    if (!prepare(s, n, Scalar(f.threshold))) return false;
     std::fill_n(z, padded<Scalar>(n), Scalar(0));
-    Scalar* v = columns(householder_)[0];
+    if (large_) {
+      if (!rotate_all(s, f)) return false;
+      transposed_product(n, n, 1, vectors_, {const_cast<Scalar*>(b), 0}, {y_, 0});
+      solve<true>(y_, 1, 1);
+      product<Into::set, Scalar>(n, 1, n, vectors_, {y_, 1, 0}, {z, 0});
+      return std::isfinite(dot(n, z, z));
+    }
+    Scalar* v = householder_[0];
     std::copy_n(b, n, v);
     fill_up(n, v);
     const auto first = Reflection<Scalar>::make(n, v, 0);
     below_ = 0;
     if (first.length == Scalar(0)) return true;
-    tau_(0) = first.tau;
+    tau_[0] = first.tau;
     update(s, 0, v, first.tau);
     tridiagonalize(s, 1);
-    if (count_below(f.threshold) == 0) {
+    if (count_below(unit_ * Scalar(f.threshold)) == 0) {
       rest_ = size_;
       z[0] = first.length;
       solve<true>(z, 1, 1);
     } else {
-      set_identity(vectors_);
+      set_identity();
       if (!deflate(f, 2)) return false;
-      for (Index i = 0; i < size_; ++i) y_(i) = vectors_(0, i) * first.length;
-      solve<true>(y_.data(), 1, 1);
-      product<Into::set, Scalar>(size_, 1, size_, columns(vectors_), elements(y_), {z, 0});
+      for (Index i = 0; i < size_; ++i) y_[i] = vectors_(0, i) * first.length;
+      solve<true>(y_, 1, 1);
+      product<Into::set, Scalar>(size_, 1, size_, vectors_, {y_, 1, 0}, {z, 0});
       std::fill_n(z + size_, padded<Scalar>(n) - size_, Scalar(0));
     }
     for (Index i = reflections_; i-- > 0;) {
-      reflect_from(i, tau_(i), columns(householder_)[i], z);
+      reflect_from(i, n_, tau_[i], householder_[i], z);
     }
     return std::isfinite(dot(n, z, z));
   }
 
-  /// `out = f(S)`, leading n × n, zeros after each column's n. Where S = FᵀF is given with its
-  /// `factor` F (`rows` × n), small eigenvalues are as accurate as the singular values of F.
+  /// `out` = the part of f(S) of eigenvalues from the threshold on, leading n × n, zeros after each
+  /// column's n; the others are the last `below` columns of `vectors`. Where S = FᵀF is given with
+  /// its `factor` F (`rows` × n), they are as accurate as the singular values of F.
   template <class Regularization>
-  bool compute(Square& s, Index n, Square& out, const Regularization& f,
+  bool compute(Square s, Index n, Square out, const Regularization& f,
                const Square* factor = nullptr, Index rows = 0) noexcept {
-    if (!prepare(s, n)) return false;
-    tridiagonalize(s, 0);
-    count_below(f.threshold);
-    set_identity(vectors_);
-    for (Index i = reflections_; i-- > 0;) {
-      for (Index j = i + 1; j < n; ++j) {
-        reflect_from(i + 1, tau_(i), columns(householder_)[i], columns(vectors_)[j]);
-      }
-    }
-    if (!deflate(f, n)) return false;
+    if (!prepare(s, n, Scalar(f.threshold))) return false;
+    if (!(large_ ? rotate_all(s, f) : diagonalize(s, f))) return false;
     if (factor != nullptr && below_ > 0) refine(*factor, rows, f);
-    std::copy_n(vectors_.data(), n * vectors_.outerStride(), householder_.data());
-    solve<false>(householder_.data(), vectors_.outerStride(), n);
+    sort(unit_ * Scalar(f.threshold));
+    copy(vectors_, householder_, n);
+    solve<false>(householder_.data, householder_.stride, n);
+    for (Index i = n - below_; i < n; ++i) clear(householder_.from(i), 1);
     product<Into::set>(n, n, n, householder_, transposed(vectors_), out);
     // Rows below n are left over from earlier levels.
     for (Index j = 0; j < n; ++j) {
-      if (!all_finite(n, columns(out)[j])) return false;
+      if (!all_finite(n, out[j])) return false;
     }
     return true;
+  }
+  /// `out` (n × k) += the part of the others times `in`. As one matrix they would lose digits: f is
+  /// large there.
+  void add_small(Index k, Square in, Square out) const noexcept {
+    for (Index c = 0; c < k; ++c) {
+      for (Index i = n_ - below_; i < n_; ++i) {
+        axpy(n_, value_[i] * dot(n_, vectors_[i], in[c]), vectors_[i], out[c]);
+      }
+    }
   }
 
   /// How many eigenvalues of the last S, or of its part that the last b excites, lay below the
   /// threshold.
   Index below() const noexcept { return below_; }
+  /// After `compute`: V, of which the last `below` columns belong to those eigenvalues.
+  Square vectors() const noexcept { return vectors_; }
+  /// f(σ) and σ f(σ) of column `i`, one of those.
+  Scalar inverse(Index i) const noexcept { return value_[i]; }
+  Scalar gain(Index i) const noexcept { return diagonal_[i] * value_[i]; }
 
  private:
-  using Column = Panel<Scalar, N, 1>;
-  using Vec = Vector<Scalar, N>;
-
-  /// Reflects x by a v that is zero above row k.
-  void reflect_from(Index k, Scalar tau, const Scalar* v, Scalar* x) const noexcept {
-    const Index top = packet_begin<Scalar>(k);
-    reflect(n_ - top, tau, v + top, x + top);
+  void set_identity() noexcept {
+    clear(vectors_, n_);
+    for (Index i = 0; i < n_; ++i) vectors_(i, i) = Scalar(1);
   }
 
-  bool prepare(const Square& s, Index n) noexcept {
+  /// V and the eigenvalues below the threshold, by steps 1 to 3.
+  template <class Regularization>
+  bool diagonalize(Square s, const Regularization& f) noexcept {
+    tridiagonalize(s, 0);
+    count_below(unit_ * Scalar(f.threshold));
+    set_identity();
+    for (Index i = reflections_; i-- > 0;) {
+      for (Index j = i + 1; j < n_; ++j) {
+        reflect_from(i + 1, n_, tau_[i], householder_[i], vectors_[j]);
+      }
+    }
+    return deflate(f, n_);
+  }
+
+  /// V and all eigenvalues, by Jacobi's rotations.
+  template <class Regularization>
+  bool rotate_all(Square s, const Regularization& f) noexcept {
+    set_identity();
+    if (!jacobi(n_, s, vectors_)) return false;
+    rest_ = below_ = 0;
+    for (Index i = 0; i < n_; ++i) {
+      diagonal_[i] = s(i, i);
+      if (!(diagonal_[i] >= unit_ * Scalar(f.threshold))) ++below_;
+      value_[i] = f.inverse(std::max(diagonal_[i], Scalar(0)) / unit_);
+    }
+    return true;
+  }
+
+  /// S of any size comes near 1 (exactly, by a power of two), so that no square overflows or
+  /// vanishes. False if it is not finite.
+  bool prepare(Square s, Index n, Scalar threshold) noexcept {
     n_ = size_ = n;
     reflections_ = 0;
     scale_ = Scalar(0);
     for (Index i = 0; i < n; ++i) scale_ = std::max(scale_, s(i, i));
-    // Beyond, squares overflow.
-    return scale_ < std::sqrt(std::numeric_limits<Scalar>::max()) / Scalar(n * n);
+    if (!std::isfinite(scale_)) return false;
+    large_ = scale_ > Scalar(1e6) * threshold;
+    unit_ = Scalar(1);
+    constexpr Scalar usual = Scalar(1 << 20);
+    if (scale_ > Scalar(0) && !(scale_ < usual && scale_ * usual > Scalar(1))) {
+      const int exponent = std::clamp(std::ilogb(scale_), std::numeric_limits<Scalar>::min_exponent,
+                                      std::numeric_limits<Scalar>::max_exponent - 3);
+      unit_ = std::ldexp(Scalar(1), -exponent);
+      for (Index j = 0; j < n; ++j) scale(n, unit_, s[j], s[j]);
+      scale_ *= unit_;
+    }
+    return true;
   }
 
   /// S ← (I − tau v vᵀ) S (I − tau v vᵀ) = S − v wᵀ − w vᵀ, w = p − (tau/2) (pᵀv) v, p = tau S v,
   /// from row and column k on, above which v is zero. What is above, in the same packets, is lost.
-  void update(Square& s, Index k, const Scalar* v, Scalar tau) noexcept {
-    using namespace Eigen::internal;
-    using Packet = typename Simd<Scalar>::Packet;
+  void update(Square s, Index k, const Scalar* v, Scalar tau) noexcept {
     ++reflections_;
     const Index top = packet_begin<Scalar>(k), rows = n_ - top;
-    const auto cs = columns(s);
-    Scalar* w = p_.data();
-    product<Into::set, Scalar>(rows, 1, n_ - k, {cs[k] + top, cs.stride}, {v + k, 1, 0},
-                               {w + top, 0});
+    Scalar* w = p_;
+    product<Into::set, Scalar>(rows, 1, n_ - k, s.from(k).below(k), {v + k, 1, 0}, {w + top, 0});
     combine(rows, tau, w + top, -tau * (tau * dot(rows, w + top, v + top)) / Scalar(2), v + top,
             w + top);
-    for (Index c = k; c < n_; ++c) {
-      const Packet vc = pset1<Packet>(-v[c]), wc = pset1<Packet>(-w[c]);
-      Scalar* column = cs[c];
-      for (Index i = top; i < n_; i += Simd<Scalar>::size) {
-        pstoreu(column + i, pmadd(vc, ploadu<Packet>(w + i),
-                                  pmadd(wc, ploadu<Packet>(v + i), ploadu<Packet>(column + i))));
-      }
-    }
+    subtract_symmetric(k, top, n_, v, w, s);
   }
 
   /// With a first vector, T ends with its Krylov space.
-  void tridiagonalize(Square& s, Index first) noexcept {
+  void tridiagonalize(Square s, Index first) noexcept {
     const Index n = n_;
     const Scalar nothing = scale_ * Scalar(n) * std::numeric_limits<Scalar>::epsilon();
     // That of a diagonal element of this size in a semi-definite matrix.
     const Scalar coupling = std::sqrt(scale_ * nothing);
     for (Index j = 0; j < n; ++j) {
-      diagonal_(j) = s(j, j);
+      diagonal_[j] = s(j, j);
       if (j + 1 == n) break;
       if (j + 2 == n) {
-        sub_(j) = s(j + 1, j);
+        sub_[j] = s(j + 1, j);
         continue;
       }
       const Index k = j + 1, top = packet_begin<Scalar>(k);
-      Scalar* v = columns(householder_)[reflections_];
+      Scalar* v = householder_[reflections_];
       std::fill_n(v + top, k - top, Scalar(0));
-      std::copy_n(columns(s)[j] + k, n - k, v + k);
+      std::copy_n(s[j] + k, n - k, v + k);
       fill_up(n, v);
       const auto r = Reflection<Scalar>::make(n - top, v + top, k - top);
-      sub_(j) = r.length;
+      sub_[j] = r.length;
       if (first == 1 && std::abs(r.length) <= coupling &&
           (std::abs(r.length) <= nothing || rest_is_nothing(s, k, nothing))) {
         size_ = k;
         return;
       }
-      tau_(reflections_) = r.tau;
+      tau_[reflections_] = r.tau;
       update(s, k, v, r.tau);
     }
-    if (first == 1 && n > 1 && diagonal_(n - 1) <= nothing) size_ = n - 1;
+    if (first == 1 && n > 1 && diagonal_[n - 1] <= nothing) size_ = n - 1;
   }
 
   /// The trailing block of S, semi-definite, is rounding.
-  bool rest_is_nothing(const Square& s, Index from, Scalar nothing) const noexcept {
+  bool rest_is_nothing(Square s, Index from, Scalar nothing) const noexcept {
     Scalar trace(0);
     for (Index i = from; i < n_; ++i) trace += std::abs(s(i, i));
     return trace <= nothing;
@@ -184,7 +225,7 @@ class SpectralInverse {
     below_ = 0;
     Scalar q(1);
     for (Index i = 0; i < size_; ++i) {
-      q = diagonal_(i) - threshold - (i > 0 ? sub_(i - 1) * sub_(i - 1) / q : Scalar(0));
+      q = diagonal_[i] - threshold - (i > 0 ? sub_[i - 1] * sub_[i - 1] / q : Scalar(0));
       if (!(q > Scalar(0))) ++below_;
       if (q == Scalar(0)) q = -std::numeric_limits<Scalar>::min();
     }
@@ -198,24 +239,24 @@ class SpectralInverse {
     // What a step leaves of rounding, ε ‖T‖; the largest diagonal element of S may be smaller.
     Scalar norm(0);
     for (Index i = 0; i < size_; ++i) {
-      norm = std::max(norm, std::abs(diagonal_(i)) + (i > 0 ? std::abs(sub_(i - 1)) : Scalar(0)) +
-                                (i + 1 < size_ ? std::abs(sub_(i)) : Scalar(0)));
+      norm = std::max(norm, std::abs(diagonal_[i]) + (i > 0 ? std::abs(sub_[i - 1]) : Scalar(0)) +
+                                (i + 1 < size_ ? std::abs(sub_[i]) : Scalar(0)));
     }
     const Scalar nothing = norm * std::numeric_limits<Scalar>::epsilon();
     Index left = below_;
     Index end = size_ - 1;
     // LAPACK's bound: 30 steps for each eigenvalue; about 1.7 are needed.
     for (Index steps = 30 * size_; left > 0 && end >= 0;) {
-      if (end == 0 || std::abs(sub_(end - 1)) <= nothing) {
-        if (end > 0) sub_(end - 1) = Scalar(0);
-        if (!(diagonal_(end) >= Scalar(f.threshold))) --left;
-        value_(end) = f.inverse(std::max(diagonal_(end), Scalar(0)));
+      if (end == 0 || std::abs(sub_[end - 1]) <= nothing) {
+        if (end > 0) sub_[end - 1] = Scalar(0);
+        if (!(diagonal_[end] >= unit_ * Scalar(f.threshold))) --left;
+        value_[end] = f.inverse(std::max(diagonal_[end], Scalar(0)) / unit_);
         --end;
         continue;
       }
       if (steps-- == 0) return false;
       Index start = end - 1;
-      while (start > 0 && !(std::abs(sub_(start - 1)) <= nothing)) --start;
+      while (start > 0 && !(std::abs(sub_[start - 1]) <= nothing)) --start;
       qr_step(start, end, rows++);
     }
     rest_ = end + 1;
@@ -226,15 +267,14 @@ class SpectralInverse {
   /// large as 1/λ² there. One-sided Jacobi rotations make the columns of F V orthogonal that belong
   /// to small ones; their squared norms are the eigenvalues.
   template <class Regularization>
-  void refine(const Square& factor, Index rows, const Regularization& f) noexcept {
-    const auto c = columns(householder_);
-    const auto v = columns(vectors_);
+  void refine(Square factor, Index rows, const Regularization& f) noexcept {
+    const Square c = householder_, v = vectors_;
     const Scalar rounding = Scalar(rows) * std::numeric_limits<Scalar>::epsilon();
-    const auto small = [&](Index i) { return diagonal_(i) < Scalar(f.threshold); };
+    const auto small = [&](Index i) { return diagonal_[i] < unit_ * Scalar(f.threshold); };
     for (Index i = rest_; i < size_; ++i) {
       if (!small(i)) continue;
-      product<Into::set, Scalar>(rows, 1, n_, columns(factor), {v[i], 1, 0}, {c[i], 0});
-      value_(i) = dot(rows, c[i], c[i]);
+      product<Into::set, Scalar>(rows, 1, n_, factor, {v[i], 1, 0}, {c[i], 0});
+      value_[i] = dot(rows, c[i], c[i]);
     }
     bool rotated = true;
     for (int sweep = 0; sweep < 4 && rotated; ++sweep) {
@@ -243,32 +283,45 @@ class SpectralInverse {
         for (Index j = i + 1; j < size_; ++j) {
           if (!small(i) || !small(j)) continue;
           const Scalar product = dot(rows, c[i], c[j]);
-          if (!(std::abs(product) > rounding * std::sqrt(value_(i)) * std::sqrt(value_(j))))
+          if (!(std::abs(product) > rounding * std::sqrt(value_[i]) * std::sqrt(value_[j])))
             continue;
           rotated = true;
-          const Scalar zeta = (value_(j) - value_(i)) / (Scalar(2) * product);
-          const Scalar t = (zeta >= Scalar(0) ? Scalar(1) : Scalar(-1)) /
-                           (std::abs(zeta) + std::hypot(Scalar(1), zeta));
-          const Scalar cosine = Scalar(1) / std::sqrt(Scalar(1) + t * t);
-          rotate(rows, cosine, -cosine * t, c[i], c[j]);
-          rotate(n_, cosine, -cosine * t, v[i], v[j]);
-          value_(i) = dot(rows, c[i], c[i]);
-          value_(j) = dot(rows, c[j], c[j]);
+          const auto r = JacobiRotation<Scalar>::make(value_[i], value_[j], product);
+          rotate(rows, r.cosine, -r.sine, c[i], c[j]);
+          rotate(n_, r.cosine, -r.sine, v[i], v[j]);
+          value_[i] = dot(rows, c[i], c[i]);
+          value_[j] = dot(rows, c[j], c[j]);
         }
       }
     }
     for (Index i = rest_; i < size_; ++i) {
-      if (small(i)) value_(i) = f.inverse(value_(i));
+      if (!small(i)) continue;
+      diagonal_[i] = unit_ * value_[i];
+      value_[i] = f.inverse(value_[i]);
     }
   }
 
+  /// Eigenvalues below the threshold go last, and into S's own unit.
+  void sort(Scalar threshold) noexcept {
+    Index last = size_;
+    for (Index i = size_; i-- > rest_;) {
+      if (!(diagonal_[i] < threshold)) continue;
+      --last;
+      std::swap_ranges(vectors_[i], vectors_[i] + vectors_.stride, vectors_[last]);
+      std::swap(diagonal_[i], diagonal_[last]);
+      std::swap(value_[i], value_[last]);
+      diagonal_[last] = std::max(diagonal_[last], Scalar(0)) / unit_;
+    }
+    below_ = size_ - last;
+  }
+
   void qr_step(Index start, Index end, Index rows) noexcept {
-    const Scalar half = (diagonal_(end - 1) - diagonal_(end)) / Scalar(2);
-    const Scalar e = sub_(end - 1);
+    const Scalar half = (diagonal_[end - 1] - diagonal_[end]) / Scalar(2);
+    const Scalar e = sub_[end - 1];
     const Scalar h = std::sqrt(half * half + e * e);
-    const Scalar shift = diagonal_(end) - e * (e / (half + (half >= Scalar(0) ? h : -h)));
-    Scalar x = diagonal_(start) - shift;
-    Scalar z = sub_(start);
+    const Scalar shift = diagonal_[end] - e * (e / (half + (half >= Scalar(0) ? h : -h)));
+    Scalar x = diagonal_[start] - shift;
+    Scalar z = sub_[start];
     for (Index k = start; k < end; ++k) {
       const Scalar r2 = x * x + z * z;
       if (!(r2 > std::numeric_limits<Scalar>::min())) break;
@@ -276,18 +329,18 @@ class SpectralInverse {
       const Scalar inverse = r * (Scalar(1) / r2);  // Both long operations at a time.
       const Scalar c = x * inverse;
       const Scalar s = z * inverse;
-      const Scalar dk = diagonal_(k), dk1 = diagonal_(k + 1), ek = sub_(k);
+      const Scalar dk = diagonal_[k], dk1 = diagonal_[k + 1], ek = sub_[k];
       const Scalar w = s * (dk - dk1) - Scalar(2) * c * ek;
-      diagonal_(k) = dk - s * w;
-      diagonal_(k + 1) = dk1 + s * w;
-      sub_(k) = -c * w - ek;
-      if (k > start) sub_(k - 1) = r;
-      x = sub_(k);
+      diagonal_[k] = dk - s * w;
+      diagonal_[k + 1] = dk1 + s * w;
+      sub_[k] = -c * w - ek;
+      if (k > start) sub_[k - 1] = r;
+      x = sub_[k];
       if (k + 1 < end) {
-        z = s * sub_(k + 1);
-        sub_(k + 1) *= c;
+        z = s * sub_[k + 1];
+        sub_[k + 1] *= c;
       }
-      rotate(std::min(rows + k, n_), c, s, columns(vectors_)[k], columns(vectors_)[k + 1]);
+      rotate(std::min(rows + k, n_), c, s, vectors_[k], vectors_[k + 1]);
     }
   }
 
@@ -308,27 +361,27 @@ class SpectralInverse {
         axpy(rows, -s, y + from * stride, y + to * stride);
       }
     };
-    for (Index i = rest_; i < size_; ++i) times(i, value_(i));
+    for (Index i = rest_; i < size_; ++i) times(i, value_[i]);
     for (Index i = 0; i < rest_; ++i) {
-      Scalar pivot = diagonal_(i);
+      Scalar pivot = diagonal_[i];
       if (i > 0) {
-        const Scalar l = sub_(i - 1) * pivot_(i - 1);
-        pivot -= l * sub_(i - 1);
+        const Scalar l = sub_[i - 1] * pivot_[i - 1];
+        pivot -= l * sub_[i - 1];
         subtract(i - 1, i, l);
       }
-      pivot_(i) = Scalar(1) / pivot;
+      pivot_[i] = Scalar(1) / pivot;
     }
     for (Index i = rest_; i-- > 0;) {
-      times(i, pivot_(i));
-      if (i + 1 < rest_) subtract(i + 1, i, sub_(i) * pivot_(i));
+      times(i, unit_ * pivot_[i]);
+      if (i + 1 < rest_) subtract(i + 1, i, sub_[i] * pivot_[i]);
     }
   }
 
-  Square householder_, vectors_;
-  Vec tau_, diagonal_, sub_, value_, pivot_;
-  Column p_, y_;
+  Square householder_{}, vectors_{};
+  Scalar *tau_{}, *diagonal_{}, *sub_{}, *value_{}, *pivot_{}, *p_{}, *y_{};
   Index n_{0}, size_{0}, reflections_{0}, rest_{0}, below_{0};
-  Scalar scale_{0};
+  bool large_{false};
+  Scalar scale_{0}, unit_{1};  // of S as it is worked on: its largest element, and its unit
 };
 
 }  // namespace icat::detail

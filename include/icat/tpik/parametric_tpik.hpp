@@ -16,7 +16,7 @@
 #pragma once
 
 #include "icat/tpik/level_check.hpp"
-#include "icat/tpik/priority_iteration.hpp"
+#include "icat/tpik/stored_iteration.hpp"
 
 namespace icat {
 
@@ -60,7 +60,7 @@ class ParametricTpik {
   /// ρ̃ = 0, P = 0, Q = I. No allocation.
   void reset() noexcept {
     detail::fill(law_, Scalar(0));
-    iteration_.reset();
+    iteration_.start().reset();
     report_.clear();
   }
 
@@ -80,7 +80,7 @@ class ParametricTpik {
   Status minimize_velocity() noexcept {
     LevelReport<Scalar> level;
     level.rows = level.active_rows = dof();
-    if (!iteration_.close(law_)) {
+    if (!iteration_.close(law_.data(), dof())) {
       level.status = Status::numerical_failure;
     } else {
       (void)advance(level);
@@ -103,7 +103,7 @@ class ParametricTpik {
     return velocity;
   }
   /// Q over the chosen columns, N × N. Formed when asked for.
-  const SquareN& projector() const noexcept { return iteration_.projector(); }
+  const SquareN& projector() const noexcept { return iteration_.projector_matrix(); }
   /// Since the last reset.
   const TpikReport<Scalar>& report() const noexcept { return report_; }
 
@@ -135,7 +135,7 @@ class ParametricTpik {
         if (!(a > Scalar(0))) continue;
         Scalar wanted[columns] = {input.reference(i)};
         for (Index c = 1; c < columns; ++c) wanted[c] = -input.jacobian(i, l + c - 1);
-        iteration_.row(input.jacobian, i, a, wanted, law_);
+        iteration_.template row<N>(input.jacobian, i, a, wanted, law_.data(), dof());
       }
       if (!iteration_.solve()) {
         level.status = Status::numerical_failure;
@@ -160,7 +160,7 @@ class ParametricTpik {
     return true;
   }
 
-  detail::PriorityIteration<Scalar, N, columns, Regularization> iteration_;
+  detail::StoredIteration<Scalar, N, columns, Regularization> iteration_;
   Law law_, next_law_;
   TpikReport<Scalar> report_;
 };

@@ -16,8 +16,8 @@
 #include <concepts>
 
 #include "icat/tpik/level_check.hpp"
-#include "icat/tpik/priority_iteration.hpp"
 #include "icat/tpik/redistribution.hpp"
+#include "icat/tpik/stored_iteration.hpp"
 #include "icat/tpik/velocity_bounds.hpp"
 
 namespace icat {
@@ -75,7 +75,7 @@ class Tpik {
   /// ρ₀ = 0, Q₀ = I. No allocation.
   void reset() noexcept {
     detail::fill(rho_, Scalar(0));
-    iteration_.reset();
+    iteration_.start().reset();
     clear();
   }
 
@@ -101,11 +101,11 @@ class Tpik {
     }
     if (status != Status::ok) {
       detail::fill(rho_, Scalar(0));
-      iteration_.reset_to_zero();
+      iteration_.start().reset_to_zero();
       report_.fail(status, -1, -1);
       return status;
     }
-    iteration_.reset(projector);
+    iteration_.start().reset(projector);
     return Status::ok;
   }
 
@@ -131,7 +131,7 @@ class Tpik {
   Status minimize_velocity() noexcept {
     LevelReport<Scalar> level;
     level.rows = level.active_rows = dof();
-    if (!iteration_.close(rho_)) {
+    if (!iteration_.close(rho_.data(), 0)) {
       level.status = Status::numerical_failure;
     } else if (advance(level, true)) {
       Scalar square(0);
@@ -147,7 +147,7 @@ class Tpik {
   const VectorN& velocity() const noexcept { return rho_; }
   /// Q after the last `add_level`, n × n: what the levels so far leave to those below. Formed when
   /// asked for, in O(n³); no allocation.
-  const SquareN& projector() const noexcept { return iteration_.projector(); }
+  const SquareN& projector() const noexcept { return iteration_.projector_matrix(); }
   /// Since the last reset.
   const TpikReport<Scalar>& report() const noexcept { return report_; }
 
@@ -190,7 +190,8 @@ class Tpik {
       iteration_.begin(level.active_rows);
       for (Index i = 0; i < level.rows; ++i) {
         const Scalar a = input.activation(i), wanted = input.reference(i);
-        if (a > Scalar(0)) iteration_.row(input.jacobian, i, a, &wanted, rho_);
+        if (a > Scalar(0))
+          iteration_.template row<N>(input.jacobian, i, a, &wanted, rho_.data(), 0);
       }
       if (!iteration_.solve()) {
         level.status = Status::numerical_failure;
@@ -206,7 +207,7 @@ class Tpik {
   /// ρ += Sat(Δ), and Q becomes that after the level; false, and both as they were, where that
   /// is no speed.
   bool advance(LevelReport<Scalar>& level, bool closing) noexcept {
-    const Scalar* increment = iteration_.increment.data();
+    const Scalar* increment = iteration_.increment.data;
     const Scalar share = bounded_ && !closing ? share_ : Scalar(1);
     std::copy_n(rho_.data(), dof(), next_rho_.data());
     if (bounded_) {
@@ -225,7 +226,7 @@ class Tpik {
 
   /// The increment passes a bound, and next_rho_ is ρ + Sat(Δ) as published.
   void saturate(LevelReport<Scalar>& level, Scalar share) noexcept {
-    const Scalar* increment = iteration_.increment.data();
+    const Scalar* increment = iteration_.increment.data;
     // A component that starts outside may stay there.
     const auto lower = [&](Index i) { return std::min(share * options_.bounds.lower(i), rho_(i)); };
     const auto upper = [&](Index i) { return std::max(share * options_.bounds.upper(i), rho_(i)); };
@@ -237,7 +238,7 @@ class Tpik {
       return;
     }
     const Scalar s =
-        redistribution_.solve(iteration_.projector(), rho_.data(), increment, lower, upper);
+        redistribution_.solve(iteration_.projector_matrix(), rho_.data(), increment, lower, upper);
     const Scalar* shared = redistribution_.increment.data();
     if (detail::check_speeds(dof(), shared) != Status::ok) return;  // as published, then
     level.saturated = redistribution_.held;
@@ -252,7 +253,7 @@ class Tpik {
   Scalar share_{1};      // of the bounds, that the present level may use
   Index place_{0};       // of the present level, from 1
   bool bounded_{false};  // any component of options_.bounds
-  detail::PriorityIteration<Scalar, N, 1, Regularization> iteration_;
+  detail::StoredIteration<Scalar, N, 1, Regularization> iteration_;
   detail::Redistribution<Scalar, N> redistribution_;
   VectorN rho_, next_rho_;
   TpikReport<Scalar> report_;

@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// Factorizations of panels: Householder reflections, Cholesky factors, and the inverse of a
+/// positive definite matrix by elimination (Golub & Van Loan, *Matrix
+/// Computations*, 4.2, 5.1, 5.2).
+#pragma once
+
+#include "icat/math/panel.hpp"
+
+namespace icat::detail {
+
+/// A Householder reflection `I − tau v vᵀ`.
+template <class Scalar>
+struct Reflection {
+  Scalar tau;
+  Scalar length;  ///< what is left of x on its axis
+
+  /// Maps x onto axis `k`; x becomes v. The identity for x = 0.
+  static Reflection make(Index rows, Scalar* x, Index k) noexcept {
+    const Scalar square = dot(rows, x, x);
+    if (!(square > std::numeric_limits<Scalar>::min())) return {Scalar(0), Scalar(0)};
+    const Scalar alpha = x[k];
+    const Scalar beta = alpha > Scalar(0) ? -std::sqrt(square) : std::sqrt(square);
+    scale(rows, Scalar(1) / (alpha - beta), x, x);
+    x[k] = Scalar(1);
+    return {(beta - alpha) / beta, beta};
+  }
+};
+
+template <class Scalar>
+inline void reflect(Index rows, Scalar tau, const Scalar* v, Scalar* x) noexcept {
+  axpy(rows, -tau * dot(rows, v, x), v, x);
+}
+
+/// The same by a v that is zero above row `k` of n.
+template <class Scalar>
+inline void reflect_from(Index k, Index n, Scalar tau, const Scalar* v, Scalar* x) noexcept {
+  const Index top = packet_begin<Scalar>(k);
+  reflect(n - top, tau, v + top, x + top);
+}
+
+/// The triangle R of `a = Y R` (rows × cols) takes the place of a; reflection k is I − tau_k v_k
+/// v_kᵀ with v_k zero above row k. Returns their number.
+template <class Scalar>
+Index triangularize(Index rows, Index cols, Panel<Scalar> a, Panel<Scalar> v,
+                    Scalar* tau) noexcept {
+  const Index steps = std::min(rows, cols);
+  for (Index k = 0; k < steps; ++k) {
+    const Index top = packet_begin<Scalar>(k), n = rows - top;
+    Scalar* x = v[k] + top;
+    std::fill_n(x, k - top, Scalar(0));
+    std::copy_n(a[k] + k, rows - k, v[k] + k);
+    fill_up(rows, v[k]);
+    const auto r = Reflection<Scalar>::make(n, x, k - top);
+    tau[k] = r.tau;
+    std::fill_n(a[k] + k, rows - k, Scalar(0));
+    a(k, k) = r.length;
+    for (Index c = k + 1; c < cols; ++c) reflect(n, r.tau, x, a[c] + top);
+  }
+  return steps;
+}
+
+/// R of RᵀR + `rows` `rows`ᵀ, R as its transpose `triangle`, r × r; `rows` (r × k) is overwritten.
+/// Two columns of scratch.
+template <class Scalar>
+void fold(Index r, Index k, Panel<Scalar> rows, Panel<Scalar> triangle, Scalar* w,
+          Scalar* x) noexcept {
+  for (Index i = 0; i < r; ++i) {  // a reflection of row i onto its diagonal, across the columns
+    Scalar square(0);
+    for (Index c = 0; c < k; ++c) square += rows(i, c) * rows(i, c);
+    if (!(square > std::numeric_limits<Scalar>::min())) continue;
+    const Scalar alpha = triangle(i, i), length = std::sqrt(alpha * alpha + square);
+    const Scalar beta = alpha > Scalar(0) ? -length : length;
+    const Scalar tau = (beta - alpha) / beta, unit = Scalar(1) / (alpha - beta);
+    for (Index c = 0; c < k; ++c) x[c] = rows(i, c) * unit;
+    std::copy_n(triangle[i], triangle.stride, w);
+    product<Into::add, Scalar>(r, 1, k, rows, {x, 1, 0}, {w, 0});
+    axpy(r, -tau, w, triangle[i]);
+    for (Index c = 0; c < k; ++c) axpy(r, -tau * x[c], w, rows[c]);
+  }
+}
+
+/// A rotation that makes [a c; c b] diagonal (Golub & Van Loan, 8.5); c is not zero.
+template <class Scalar>
+struct JacobiRotation {
+  Scalar cosine, sine, tangent;
+
+  static JacobiRotation make(Scalar a, Scalar b, Scalar c) noexcept {
+    const Scalar zeta = (b - a) / (Scalar(2) * c);
+    const Scalar t = (zeta >= Scalar(0) ? Scalar(1) : Scalar(-1)) /
+                     (std::abs(zeta) + std::hypot(Scalar(1), zeta));
+    const Scalar cosine = Scalar(1) / std::sqrt(Scalar(1) + t * t);
+    return {cosine, cosine * t, t};
+  }
+};
+
+/// Makes the positive semi-definite `s` diagonal, V ← V times the rotations. Slow, but the small
+/// eigenvalues of a matrix with large ones keep their digits. False if 30 sweeps do not do (six
+/// are usual).
+template <class Scalar>
+bool jacobi(Index n, Panel<Scalar> s, Panel<Scalar> v) noexcept {
+  for (int sweep = 0; sweep < 30; ++sweep) {
+    bool rotated = false;
+    for (Index i = 0; i < n; ++i) {
+      for (Index j = i + 1; j < n; ++j) {
+        const Scalar a = s(i, i), b = s(j, j), c = s(i, j);
+        const Scalar nothing = std::max(std::numeric_limits<Scalar>::epsilon() *
+                                            std::sqrt(std::abs(a)) * std::sqrt(std::abs(b)),
+                                        std::numeric_limits<Scalar>::min());
+        if (!(std::abs(c) > nothing)) continue;
+        rotated = true;
+        const auto r = JacobiRotation<Scalar>::make(a, b, c);
+        rotate(n, r.cosine, -r.sine, s[i], s[j]);
+        rotate(n, r.cosine, -r.sine, v[i], v[j]);
+        for (Index k = 0; k < n; ++k) {
+          const Scalar x = s(i, k), y = s(j, k);
+          s(i, k) = r.cosine * x - r.sine * y;
+          s(j, k) = r.cosine * y + r.sine * x;
+        }
+        s(i, i) = a - r.tangent * c;
+        s(j, j) = b + r.tangent * c;
+        s(i, j) = s(j, i) = Scalar(0);
+      }
+    }
+    if (!rotated) return true;
+  }
+  return false;
+}
+
+/// Gauss and Jordan's inverse of a positive definite matrix, in its place. False, with the matrix
+/// spoilt, at a pivot below `least`: pivots are Schur complements, so none is smaller than the
+/// smallest eigenvalue.
+template <class Scalar>
+bool invert(Index n, Panel<Scalar> s, Scalar least) noexcept {
+  for (Index p = 0; p < n; ++p) {
+    const Scalar pivot = s(p, p);
+    if (!(pivot >= least) || !(pivot > Scalar(0))) return false;
+    s(p, p) = Scalar(1);
+    scale(n, Scalar(1) / pivot, s[p], s[p]);
+    for (Index j = 0; j < n; ++j) {
+      if (j == p) continue;
+      const Scalar factor = -s(p, j);
+      s(p, j) = Scalar(0);
+      axpy(n, factor, s[p], s[j]);
+    }
+  }
+  return true;
+}
+
+template <class Scalar>
+Scalar trace(Index n, Panel<Scalar> s) noexcept {
+  Scalar sum(0);
+  for (Index i = 0; i < n; ++i) sum += s(i, i);
+  return sum;
+}
+
+/// Column `j` of the Cholesky factor of `s − shift I`, after those before it; lower triangle, with
+/// the inverse of the diagonal on it and anything above. False unless the matrix is positive
+/// definite so far.
+template <class Scalar>
+inline bool cholesky_column(Index n, Index j, Panel<Scalar> s, Scalar shift,
+                            Panel<Scalar> l) noexcept {
+  const Index top = packet_begin<Scalar>(j);
+  Scalar* x = l[j];
+  scale(n - top, Scalar(1), s[j] + top, x + top);
+  product<Into::subtract, Scalar>(n - top, 1, j, l.below(j), {l.data + j, l.stride, 0},
+                                  {x + top, 0});
+  const Scalar pivot = x[j] - shift;
+  if (!(pivot > Scalar(0))) return false;
+  const Scalar inverse = Scalar(1) / std::sqrt(pivot);
+  scale(n - top, inverse, x + top, x + top);
+  x[j] = inverse;
+  return true;
+}
+
+/// Whether `s − shift I` is positive definite; `l` is its factor then, as above.
+template <class Scalar>
+bool cholesky(Index n, Panel<Scalar> s, Panel<Scalar> l, Scalar shift = Scalar(0)) noexcept {
+  for (Index j = 0; j < n; ++j) {
+    if (!cholesky_column(n, j, s, shift, l)) return false;
+  }
+  return true;
+}
+
+/// The lower triangle alone, with its diagonal and zeros above it.
+template <class Scalar>
+void explicit_factor(Index n, Panel<Scalar> l, Panel<Scalar> out) noexcept {
+  for (Index j = 0; j < n; ++j) {
+    std::fill_n(out[j], j, Scalar(0));
+    std::copy_n(l[j] + j, n - j, out[j] + j);
+    out(j, j) = Scalar(1) / l(j, j);
+    fill_up(n, out[j]);
+  }
+}
+
+/// `x = (l lᵀ)⁻¹ b`, with zeros after the n elements of x; `b` is overwritten.
+template <class Scalar>
+void cholesky_solve(Index n, Panel<Scalar> l, Scalar* b, Scalar* x) noexcept {
+  for (Index j = 0; j < n; ++j) {
+    const Index top = packet_begin<Scalar>(j);
+    const Scalar y = b[j] * l(j, j);
+    axpy(n - top, -y, l[j] + top, b + top);
+    x[j] = y;  // b is spoilt from `top` to j
+  }
+  // From below, x takes the place of zeros in b.
+  for (Index j = 0; j < padded<Scalar>(n); ++j) b[j] = Scalar(0);
+  for (Index j = n; j-- > 0;) {
+    const Index top = packet_begin<Scalar>(j);
+    b[j] = (x[j] - dot(n - top, l[j] + top, b + top)) * l(j, j);
+  }
+  for (Index j = 0; j < padded<Scalar>(n); ++j) x[j] = b[j];
+}
+
+}  // namespace icat::detail

@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// The rows of one level in the free axes, and the inverse that its pseudo-inverse needs.
+///
+///     B = A^{1/2} J L,   S = BBᵀ or BᵀB, the smaller,   f(S) = f_large(S) + Σ f(σ_i) v_i v_iᵀ
+///
+/// The sum is over the eigenvalues below the threshold. As one matrix f(S) would lose digits: its
+/// large values would meet the rounding of the others.
+#pragma once
+
+#include "icat/tpik/projected_system.hpp"
+
+namespace icat::detail {
+
+/// In memory that it is given; nothing allocates.
+template <class Scalar, class Regularization>
+class LevelRows {
+ public:
+  using Block = Panel<Scalar>;
+
+  /// Columns of n rows that it needs.
+  static constexpr Index columns(Index n, Index sides) {
+    return ProjectedSystem<Scalar, Regularization>::columns(n, sides) + 5 * n + 2 * sides + 3;
+  }
+  LevelRows(const Regularization& regularization, Scalar projection_weight)
+      : system(regularization, projection_weight) {}
+
+  void bind(Index n, Index sides, PanelMemory<Scalar>& memory) noexcept {
+    dof_ = n;
+    sides_ = sides;
+    system.bind(n, sides, memory);
+    for (Block* b : {&bt, &g, &f, &change, &basis}) *b = memory.take(n);
+    for (Block* b : {&e, &rhs}) *b = memory.take(sides);
+    for (Scalar** x : {&a, &gains, &inverses}) *x = memory.take(1).data;
+  }
+
+  /// Begins a level of `active` rows with a > 0; then `row` for each, then `solve`.
+  void begin(Index active) noexcept {
+    active_ = active;
+    stored_ = 0;
+    binary = true;
+    if (!folds()) return;
+    for (Block b : {g, change, triangle(), weighted_triangle()}) clear(b, free());
+    clear(rhs, sides_);
+  }
+
+  /// Active row `i` of a Jacobian (the first n columns count) and its activation; e is what is
+  /// `wanted` of it (sides) less what `current` (n × sides, columns `step` apart) does already. `N`
+  /// is n, where that is known at compile time.
+  template <int N>
+  void row(const Input<Scalar>& jacobian, Index i, Scalar activation, const Scalar* wanted,
+           const Scalar* current, Index step) noexcept {
+    if (stored_ == dof_) absorb();
+    jacobian.template copy_row<N>(i, dof_, bt[stored_]);
+    for (Index c = 0; c < sides_; ++c) {
+      e(stored_, c) = wanted[c] - jacobian.template row_dot<N>(i, dof_, current + c * step);
+    }
+    binary &= activation == Scalar(1);
+    a[stored_++] = activation;
+  }
+
+  /// All rows are there. False if anything overflowed.
+  bool finish() noexcept {
+    absorb();
+    rank = std::min(active_, free());
+    return invert_gram();
+  }
+  /// More rows than free axes.
+  bool tall() const noexcept { return active_ > free(); }
+
+  /// out = f(S) in, S = g. Large values of f must not meet the rounding of others.
+  void invert(Block in, Block out) const noexcept {
+    detail::product<Into::set>(rank, sides_, rank, f, elements(in), out);
+    for (Index c = 0; c < sides_; ++c) {
+      for (Index i = rank - below; i < rank; ++i) {
+        axpy(rank, inverses[i] * dot(rank, basis[i], in[c]), basis[i], out[c]);
+      }
+    }
+  }
+  /// y ← S f(S) y, S = g: the identity but for the eigenvalues below the threshold.
+  void filter(Block y) const noexcept {
+    for (Index c = 0; c < sides_; ++c) {
+      for (Index i = rank - below; i < rank; ++i) {
+        axpy(rank, (gains[i] - Scalar(1)) * dot(rank, basis[i], y[c]), basis[i], y[c]);
+      }
+    }
+  }
+
+  ProjectedSystem<Scalar, Regularization> system;
+  Index rank{0};      ///< of S: m, or r of a tall level
+  bool binary{true};  ///< all activations are 1
+  bool regularized{false};
+  Index below{0};      ///< eigenvalues of S below the threshold
+  Block bt{}, g{};     ///< Bᵀ, r × m, and S; of a tall level bt is its last chunk of rows
+  Block f{}, basis{};  ///< f_large(S); if regularized V, of which the last `below` columns count
+  Block change{};      ///< of a tall level that is not binary: C
+  Block e{}, rhs{};    ///< A^{3/2} e, m × sides; of a tall level Bᵀ A^{3/2} e
+  Scalar *a{}, *gains{}, *inverses{};  ///< activations; σ_i f(σ_i) and f(σ_i)
+
+ private:
+  Index free() const noexcept { return system.projector.free(); }
+  Scalar threshold() const noexcept { return Scalar(system.regularization.threshold); }
+  /// Rows come in chunks; `triangle` keeps R, RᵀR = BᵀB, as Rᵀ.
+  bool folds() const noexcept { return active_ > dof_; }
+  Block triangle() const noexcept { return system.scratch[4]; }
+  /// The same of A^{1/2} B.
+  Block weighted_triangle() const noexcept { return system.scratch[3]; }
+  Block weighted_rows() const noexcept { return system.scratch[0]; }
+
+  /// Makes the rows gathered so far Bᵀ, and e A^{3/2} e; a tall level sums them up.
+  void absorb() noexcept {
+    const Index k = stored_, r = free();
+    system.projector.turn(k, bt);
+    system.projector.restrict(k, bt);
+    if (!binary) {
+      for (Index i = 0; i < k; ++i) {
+        const Scalar root = std::sqrt(a[i]);
+        scale(r, root, bt[i], bt[i]);
+        for (Index c = 0; c < sides_; ++c) e(i, c) *= a[i] * root;
+      }
+    }
+    if (!tall()) return gram(r, k, bt, g);
+    if (!folds()) {
+      product<Into::set>(r, r, k, bt, transposed(bt), g);
+      product<Into::set>(r, sides_, k, bt, elements(e), rhs);
+      if (binary) return;
+      weigh_rows(k);
+      return product<Into::set>(r, r, k, weighted_rows(), transposed(weighted_rows()), change);
+    }
+    product<Into::add>(r, r, k, bt, transposed(bt), g);
+    product<Into::add>(r, sides_, k, bt, elements(e), rhs);
+    weigh_rows(k);
+    product<Into::add>(r, r, k, weighted_rows(), transposed(weighted_rows()), change);
+    fold(k);
+    stored_ = 0;
+  }
+
+  /// BᵀA^{1/2} of a tall level's chunk.
+  void weigh_rows(Index k) noexcept {
+    for (Index i = 0; i < k; ++i) scale(free(), std::sqrt(a[i]), bt[i], weighted_rows()[i]);
+  }
+  void fold(Index k) noexcept {
+    Scalar *w = system.scratch[1].data, *x = system.scratch[2].data;
+    if (!binary || folds()) detail::fold(free(), k, weighted_rows(), weighted_triangle(), w, x);
+    detail::fold(free(), k, bt, triangle(), w, x);
+  }
+
+  /// f = f(g) without the eigenvalues below the threshold, which are the last of basis; of a
+  /// tall level change = C.
+  bool invert_gram() noexcept {
+    const Index k = rank;
+    below = 0;
+    if (k == 1) {
+      const Scalar square = g(0, 0);
+      regularized = !(square >= threshold());
+      const Scalar inverse = system.regularization.inverse(square);
+      f(0, 0) = regularized ? Scalar(0) : inverse;
+      basis(0, 0) = Scalar(1);
+      fill_up(1, f[0]);
+      fill_up(1, basis[0]);
+      gains[0] = square * inverse;
+      inverses[0] = inverse;
+      below = regularized ? 1 : 0;
+      if (tall()) change(0, 0) = inverse * (binary ? square : change(0, 0));
+      return std::isfinite(square);
+    }
+    copy(g, f, k);
+    // The trace of the inverse bounds the inverse of the smallest eigenvalue; a Cholesky factor of
+    // g − σ_t I decides.
+    if (!detail::invert(k, f, threshold()) || !(trace(k, f) * threshold() <= Scalar(1) ||
+                                                cholesky(k, g, system.scratch[0], threshold()))) {
+      return invert_spectrally();
+    }
+    if (tall() && !binary) set_change();
+    return true;
+  }
+  /// change ← f change
+  void set_change() noexcept {
+    const Block weighted = system.scratch[0];
+    copy(change, weighted, rank);
+    product<Into::set>(rank, rank, rank, f, elements(weighted), change);
+  }
+  bool invert_spectrally() noexcept {
+    const Index k = rank;
+    const Block work = system.scratch[1];
+    SpectralInverse<Scalar>& spectral = system.spectral;
+    if (tall() && !folds()) {
+      clear(triangle(), k);
+      clear(weighted_triangle(), k);
+      weigh_rows(active_);
+      fold(active_);
+    }
+    if (tall()) transpose(k, k, triangle(), basis);
+    copy(g, work, k);
+    if (!spectral.compute(work, k, f, system.regularization, tall() ? &basis : &bt,
+                          tall() ? k : free())) {
+      return false;
+    }
+    below = spectral.below();
+    regularized = below > 0;
+    copy(spectral.vectors(), basis, k);
+    for (Index i = k - below; i < k; ++i) {
+      gains[i] = spectral.gain(i);
+      inverses[i] = spectral.inverse(i);
+    }
+    if (tall() && !binary) {
+      // W = BᵀAB = RᵀR, R that of A^{1/2} B: vᵀW loses digits for small v, (R v)ᵀR does not.
+      set_change();
+      for (Index i = k - below; i < k; ++i) {
+        const Block v = basis.from(i), rv = work, w = work.from(1);
+        transposed_product(k, k, 1, weighted_triangle(), v, rv);
+        product<Into::set>(k, 1, k, weighted_triangle(), elements(rv), w);
+        for (Index j = 0; j < k; ++j) axpy(k, spectral.inverse(i) * w(j, 0), v[0], change[j]);
+      }
+    }
+    return true;
+  }
+
+  Index dof_{0}, sides_{0}, active_{0}, stored_{0};
+};
+
+}  // namespace icat::detail

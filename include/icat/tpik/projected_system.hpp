@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// The regularized system of Eq. (20) [Coop] under a projector Q = (N − U Vᵀ) Nᵀ (projector.hpp):
+///
+///     z = f(M) Bᵀ e,   M = BᵀB + η (I − Q)ᵀ(I − Q)        B: m × r, the rows in the free axes
+///
+/// With U_N the part of U on the free axes and U_t that on the ones taken, K = UᵀU, K₀ = U_NᵀU_N,
+/// K_t = U_tᵀU_t, M on [free, taken] is
+///
+///     M = [ BᵀB + η V K Vᵀ    η V U_tᵀ ]        K_v = η K₀ − σ_t η / (η − σ_t) K_t
+///         [ η U_t Vᵀ          η I      ]
+///
+/// Where no eigenvalue of M but zeros lies below the threshold σ_t, f(M) is the inverse, and
+/// without the taken axes M is BᵀB + η V K₀ Vᵀ; their part of M − σ_t I leaves BᵀB + V K_v Vᵀ − σ_t
+/// I. Each way below is exact; the first that is certain of that is taken.
+#pragma once
+
+#include "icat/math/regularization.hpp"
+#include "icat/math/spectral_inverse.hpp"
+#include "icat/tpik/projector.hpp"
+
+namespace icat::detail {
+
+/// For n degrees of freedom and `sides` right-hand sides, in memory that it is given. Nothing
+/// allocates.
+template <class Scalar, class Regularization>
+class ProjectedSystem {
+ public:
+  using Block = Panel<Scalar>;
+
+  /// Columns of n rows that it needs.
+  static constexpr Index columns(Index n, Index sides) {
+    return Projector<Scalar>::columns(n, sides) + SpectralInverse<Scalar>::columns(n) + 5 * n +
+           2 * sides + 1;
+  }
+  ProjectedSystem(const Regularization& f, Scalar projection_weight)
+      : regularization(f), sigma_(f.threshold), eta_(projection_weight) {}
+
+  void bind(Index n, Index sides, PanelMemory<Scalar>& memory) noexcept {
+    sides_ = sides;
+    projector.bind(n, sides, memory);
+    spectral.bind(n, memory);
+    for (Block& b : scratch) b = memory.take(n);
+    side_ = memory.take(sides);
+    other_ = memory.take(sides);
+    tau_ = memory.take(1).data;
+  }
+  void reset() noexcept { small_eigenvalues_ = false; }
+
+  /// Rows that are independent of the partial ones, m + p ≤ r: then z can satisfy both, and B z =
+  /// e. It is certain where K_v > 0, G = BBᵀ ≥ σ_t and VᵀV − σ_t K_v⁻¹ − VᵀBᵀ (G − σ_t I)⁻¹ B V >
+  /// 0, of which (G − σ_t I)⁻¹ ≤ G⁻¹ + σ_t / (1 − σ_t tr G⁻¹) G⁻². `f` is G⁻¹.
+  bool independent(Index m, Block jt, Block f) noexcept {
+    const Index r = projector.free(), p = projector.partial();
+    if (m + p > r || small_eigenvalues_) return false;
+    const Scalar rest = Scalar(1) - sigma_ * trace(m, f);
+    const auto& [kv, bv, fbv, s, product_] = scratch;
+    if (!(rest > Scalar(0)) || !set_kv(kv) || !invert(p, kv, Scalar(0))) return false;
+    transposed_product(r, m, p, jt, projector.v(), bv);
+    product<Into::set>(m, p, m, f, elements(bv), fbv);
+    transposed_product(m, p, p, bv, fbv, product_);
+    for (Index j = 0; j < p; ++j) {
+      combine(p, Scalar(-1), product_[j], Scalar(1), projector.v_gram()[j], s[j]);
+    }
+    gram(m, p, fbv, product_);
+    for (Index j = 0; j < p; ++j) {
+      axpy(p, -sigma_ / rest, product_[j], s[j]);
+      axpy(p, -sigma_, kv[j], s[j]);
+    }
+    return cholesky(p, s, product_);
+  }
+
+  /// z = M⁻¹ `rhs` by Cholesky factors, where BᵀB + V K_v Vᵀ − σ_t I has one. `btb` is BᵀB.
+  bool regular(Block btb, Block rhs, Block z) noexcept {
+    if (small_eigenvalues_ || !valid_kv()) return false;
+    const Index r = projector.free();
+    const auto& [m, shifted, factor, shifted_factor, vk] = scratch;
+    projector.weigh();
+    copy(btb, m, r);
+    if (taken()) copy(btb, shifted, r);
+    if (projector.dense()) {
+      for (Index j = 0; j < r; ++j) axpy(r, eta_, projector.k_free()[j], m[j]);
+      if (taken()) {
+        (void)set_kv(vk);
+        for (Index j = 0; j < r; ++j) axpy(r, Scalar(1), vk[j], shifted[j]);
+      }
+    } else {
+      const Block v = projector.v();
+      add_weighted(r, v, projector.k_free(), eta_, vk, m);
+      if (taken()) {
+        (void)set_kv(factor);
+        add_weighted(r, v, factor, Scalar(1), vk, shifted);
+      }
+    }
+    // Both factors at a time: each is one long chain of operations that wait for each other.
+    const Block certificate = taken() ? shifted : m;
+    for (Index j = 0; j < r; ++j) {
+      if (!cholesky_column(r, j, certificate, sigma_, shifted_factor) ||
+          !cholesky_column(r, j, m, Scalar(0), factor)) {
+        return false;
+      }
+    }
+    solve(r, factor, rhs, z);
+    return true;
+  }
+
+  /// More rows than free axes, G = BᵀB ≥ σ_t with its inverse `f`: K_v > 0 is enough. With
+  /// η K₀ = L Lᵀ and H = G⁻¹ V L, z = G⁻¹ b − H (I + LᵀVᵀ H)⁻¹ Hᵀ b.
+  bool corrected(Block f, Block rhs, Block z) noexcept {
+    const Index r = projector.free(), p = projector.partial();
+    const auto& [k, l, vl, h, s] = scratch;
+    if (projector.dense() || !set_kv(k) || !cholesky(p, k, l)) return false;
+    for (Index j = 0; j < p; ++j) scale(p, eta_, projector.k_free()[j], k[j]);
+    if (!cholesky(p, k, s)) return false;
+    explicit_factor(p, s, l);
+    product<Into::set>(r, p, p, projector.v(), elements(l), vl);
+    product<Into::set>(r, p, r, f, elements(vl), h);
+    transposed_product(r, p, p, vl, h, k);
+    for (Index j = 0; j < p; ++j) k(j, j) += Scalar(1);
+    if (!cholesky(p, k, s)) return false;
+    product<Into::set>(r, sides_, r, f, elements(rhs), z);
+    transposed_product(r, p, sides_, h, rhs, other_);
+    for (Index c = 0; c < sides_; ++c) cholesky_solve(p, s, other_[c], side_[c]);
+    product<Into::subtract>(r, sides_, p, h, elements(side_), z);
+    return true;
+  }
+
+  /// Whether the span of the rows, the partial ones and what U has on taken axes is so much smaller
+  /// than M that finding it pays.
+  bool reduces(Index m) const noexcept {
+    const Index p = projector.partial(), d = m + p;
+    return !projector.dense() && d <= projector.free() &&
+           3 * (d + taken_rank()) <= 2 * projector.reach();
+  }
+  /// y = B z with f(M) evaluated on that span: with Y R = [V Bᵀ], Y orthonormal, and R_tᵀR_t = K_t,
+  /// M is [R_B R_Bᵀ + η R_V K R_Vᵀ, η R_V R_tᵀ; η R_t R_Vᵀ, η I] there.
+  bool reduced(Index m, Block jt, Block e, Block y) noexcept {
+    const Index r = projector.free(), p = projector.partial(), d = m + p, q = taken_rank();
+    const auto& [system, triangle, reflections, rk, unused] = scratch;
+    projector.weigh();
+    copy(projector.v(), triangle, p);
+    copy(jt, triangle.from(p), m);
+    triangularize(r, d, triangle, reflections, tau_);
+    const Block rows = triangle.from(p);
+    product<Into::set>(d, d, m, rows, transposed(rows), system);
+    add_weighted(d, triangle, projector.k_free(), eta_, rk, system);
+    if (taken()) {
+      add_weighted(d, triangle, projector.k_taken(), eta_, rk, system);
+      projector.copy_taken(rk);
+      triangularize(projector.reach() - r, p, rk, reflections, tau_);
+      for (Index i = 0; i < q; ++i) {
+        clear(system.from(d + i), 1);
+        for (Index j = 0; j < d; ++j) {
+          Scalar sum(0);
+          for (Index l = 0; l < p; ++l) sum += rk(i, l) * triangle(j, l);
+          system(d + i, j) = system(j, d + i) = eta_ * sum;
+        }
+        system(d + i, d + i) = eta_;
+      }
+      for (Index j = 0; j < d + q; ++j) fill_up(d + q, system[j]);
+    }
+    clear(other_, sides_);
+    product<Into::set>(d, sides_, m, rows, elements(e), other_);
+    if (!spectrally(system, d + q, other_, side_, reflections)) return false;
+    transposed_product(d, m, sides_, rows, side_, y);
+    return true;
+  }
+
+  /// z = f(M) `rhs` with f(M) evaluated on all axes that Q reaches. `btb` is BᵀB.
+  bool full(Block btb, Block rhs, Block z) noexcept {
+    const Index r = projector.free(), b = projector.reach(), p = projector.partial();
+    const auto& [m, product_, out, unused, unused_] = scratch;
+    Block uv = projector.u();
+    if (!projector.dense()) {
+      product<Into::set>(b, r, p, uv, transposed(projector.v()), product_);
+      uv = product_;
+    }
+    gram(b, r, uv, m);
+    for (Index j = 0; j < r; ++j) {
+      combine(r, eta_, m[j], Scalar(1), btb[j], m[j]);
+      for (Index i = r; i < b; ++i) m(i, j) = eta_ * uv(i, j);
+      fill_up(b, m[j]);
+    }
+    for (Index i = r; i < b; ++i) {
+      clear(m.from(i), 1);
+      for (Index j = 0; j < r; ++j) m(j, i) = m(i, j);
+      m(i, i) = eta_;
+    }
+    for (Index c = 0; c < sides_; ++c) std::fill_n(rhs[c] + r, rhs.stride - r, Scalar(0));
+    return spectrally(m, b, rhs, z, out);
+  }
+
+  /// out = f(s) in (n × sides); `s` is overwritten.
+  bool regularize(Block s, Index n, Block in, Block out, Block square) noexcept {
+    if (sides_ == 1) return spectral.apply(s, n, in.data, out.data, regularization);
+    if (!spectral.compute(s, n, square, regularization)) return false;
+    product<Into::set>(n, sides_, n, square, elements(in), out);
+    spectral.add_small(sides_, in, out);
+    return true;
+  }
+  /// z = (l lᵀ)⁻¹ rhs
+  void solve(Index n, Block l, Block rhs, Block z) noexcept {
+    for (Index c = 0; c < sides_; ++c) {
+      std::copy_n(rhs[c], n, side_[c]);
+      fill_up(n, side_[c]);
+      cholesky_solve(n, l, side_[c], z[c]);
+    }
+  }
+  /// s += weight · r k rᵀ, for r (n × p) and symmetric k; `rk` is scratch.
+  void add_weighted(Index n, Block r, Block k, Scalar weight, Block rk, Block s) noexcept {
+    const Index p = projector.partial();
+    product<Into::set>(n, p, p, r, elements(k), rk);
+    for (Index j = 0; j < p; ++j) scale(n, weight, rk[j], rk[j]);
+    product<Into::add>(n, n, p, rk, transposed(r), s);
+  }
+
+  Regularization regularization;
+  Projector<Scalar> projector;
+  SpectralInverse<Scalar> spectral;
+  Block scratch[5]{};  ///< n × n each, free between calls
+
+ private:
+  bool taken() const noexcept { return projector.reach() > projector.free(); }
+  /// Rank of U_t, at most.
+  Index taken_rank() const noexcept {
+    return std::min(projector.partial(), projector.reach() - projector.free());
+  }
+  bool valid_kv() const noexcept { return !taken() || eta_ > sigma_; }
+  bool set_kv(Block kv) noexcept {
+    if (!valid_kv()) return false;
+    projector.weigh();
+    for (Index j = 0; j < projector.partial(); ++j) {
+      const Index p = projector.partial();
+      scale(p, eta_, projector.k_free()[j], kv[j]);
+      if (taken()) axpy(p, -sigma_ * eta_ / (eta_ - sigma_), projector.k_taken()[j], kv[j]);
+    }
+    return true;
+  }
+  bool spectrally(Block m, Index n, Block rhs, Block z, Block square) noexcept {
+    if (!regularize(m, n, rhs, z, square)) return false;
+    small_eigenvalues_ = spectral.below() > 0;
+    return true;
+  }
+
+  Scalar sigma_, eta_;  // σ_t, η
+  Index sides_{0};
+  bool small_eigenvalues_{false};  // the last M had some; the next is likely to
+  Block side_{}, other_{};
+  Scalar* tau_{};
+};
+
+}  // namespace icat::detail

@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// The projector Q of a hierarchy, in a form in which a partial row costs only itself:
+///
+///     Q = L Nᵀ,   L = N − U Vᵀ      N: n × r orthonormal; U: n × p; V: r × p, p ≤ r
+///
+/// N are the *free axes*. Binary rows take theirs away; p is the number of partial or regularized
+/// rows that still matter. While p = 0, Q is an orthogonal projector. Where p would reach r, U
+/// becomes U Vᵀ and V = I: the *dense* form.
+///
+/// **Coordinates.** Reflections turn the axes so that the free ones are the first r. U keeps what
+/// it has on axes that were taken after its first column came: it reaches the first b ≥ r axes.
+#pragma once
+
+#include "icat/math/factorization.hpp"
+#include "icat/tpik/level_check.hpp"
+
+namespace icat::detail {
+
+/// For `n` degrees of freedom, in memory that it is given. Nothing allocates.
+template <class Scalar>
+class Projector {
+ public:
+  using Block = Panel<Scalar>;
+
+  /// Columns of n rows that it needs, where at most `most` vectors are projected at a time.
+  static constexpr Index columns(Index n, Index most) { return 6 * n + std::max(n, most) + 1; }
+  void bind(Index n, Index most, PanelMemory<Scalar>& memory) noexcept {
+    dof_ = n;
+    for (Block* b : {&reflections_, &u_, &v_, &k_free_, &k_taken_, &v_gram_}) *b = memory.take(n);
+    work_ = memory.take(std::max(n, most));
+    tau_ = memory.take(1).data;
+  }
+
+  /// Q = I.
+  void reset() noexcept {
+    free_ = dof_;
+    partial_ = 0;
+    dense_ = weighed_ = false;
+  }
+  /// Q = 0.
+  void reset_to_zero() noexcept {
+    reset();
+    free_ = 0;
+    std::fill_n(tau_, dof_, Scalar(0));
+  }
+  /// Q = `Q0`. Zeros and ones on a diagonal [Coop, Eq. (31)] are a choice of axes.
+  void reset(const Input<Scalar>& Q0) noexcept {
+    reset();
+    bool chooses = true;
+    for (Index j = 0; j < dof_; ++j) {
+      for (Index i = 0; i < dof_; ++i) {
+        chooses &= Q0(i, j) == Scalar(0) || (i == j && Q0(i, j) == Scalar(1));
+      }
+    }
+    if (chooses) {
+      for (Index i = dof_; i-- > 0;) {
+        if (Q0(i, i) == Scalar(0)) drop(i);
+      }
+      return;
+    }
+    start();
+    become_dense();
+    for (Index j = 0; j < dof_; ++j) {
+      for (Index i = 0; i < dof_; ++i) u_(i, j) = (i == j ? Scalar(1) : Scalar(0)) - Q0(i, j);
+    }
+  }
+
+  Index free() const noexcept { return free_; }                           ///< r
+  Index reach() const noexcept { return partial_ > 0 ? reach_ : free_; }  ///< b
+  Index partial() const noexcept { return partial_; }                     ///< p
+  bool orthogonal() const noexcept { return partial_ == 0; }
+  bool dense() const noexcept { return dense_; }
+  Block u() const noexcept { return u_; }  ///< b × p
+  Block v() const noexcept { return v_; }  ///< r × p, unless dense
+
+  /// x (n × k) in the axes.
+  void turn(Index k, Block x) const noexcept {
+    for (Index i = dof_; i-- > free_;) {
+      if (tau_[i] == Scalar(0)) continue;
+      for (Index c = 0; c < k; ++c) reflect(i + 1, tau_[i], reflections_[i], x[c]);
+    }
+  }
+  void turn_back(Index k, Block x) const noexcept {
+    for (Index i = free_; i < dof_; ++i) {
+      if (tau_[i] == Scalar(0)) continue;
+      for (Index c = 0; c < k; ++c) reflect(i + 1, tau_[i], reflections_[i], x[c]);
+    }
+  }
+  /// x (b × k, in the axes) ← Lᵀ x (r × k).
+  void restrict(Index k, Block x) const noexcept {
+    if (partial_ > 0) transposed_product(reach_, partial_, k, u_, x, work_);
+    for (Index c = 0; c < k; ++c) fill_up(free_, x[c]);
+    if (dense_) {
+      for (Index c = 0; c < k; ++c) axpy(free_, Scalar(-1), work_[c], x[c]);
+    } else if (partial_ > 0) {
+      product<Into::subtract>(free_, k, partial_, v_, elements(work_), x);
+    }
+  }
+  /// out (b × k) = L x, x: r × k.
+  void extend(Index k, Block x, Block out) const noexcept {
+    for (Index c = 0; c < k; ++c) {
+      std::copy_n(x[c], free_, out[c]);
+      std::fill_n(out[c] + free_, out.stride - free_, Scalar(0));
+    }
+    if (partial_ == 0) return;
+    if (!dense_) transposed_product(free_, partial_, k, v_, x, work_);
+    product<Into::subtract>(reach_, k, partial_, u_, elements(dense_ ? x : work_), out);
+  }
+
+  /// `k` more partial rows: U gains `u` (b × k), V `v` (r × k).
+  void gain(Index k, Block u, Block v) noexcept {
+    start();
+    weighed_ = false;
+    if (!dense_ && partial_ + k < free_) {
+      copy(u, u_.from(partial_), k);
+      copy(v, v_.from(partial_), k);
+      partial_ += k;
+      return;
+    }
+    become_dense();
+    product<Into::add>(reach_, free_, k, u, transposed(v), u_);
+  }
+  /// Q ← Q − L `change` Nᵀ, r × r.
+  void gain(Block change) noexcept {
+    start();
+    become_dense();
+    extend(free_, change, work_);
+    for (Index j = 0; j < free_; ++j) axpy(reach_, Scalar(1), work_[j], u_[j]);
+    weighed_ = false;
+  }
+  /// The span of `k` columns of `rows` (r × k, overwritten) is free no more.
+  void take(Index k, Block rows) noexcept {
+    if (k == free_) return reset_to_zero();
+    if (dense_) weighed_ = false;
+    for (Index i = 0; i < k; ++i) {
+      const Index n = free_--;
+      Scalar* x = reflections_[n - 1];
+      std::copy_n(rows[i], n, x);
+      fill_up(n, x);
+      const Scalar tau = tau_[n - 1] = Reflection<Scalar>::make(n, x, n - 1).tau;
+      for (Index c = i + 1; c < k; ++c) {
+        reflect(n, tau, x, rows[c]);
+        rows(n - 1, c) = Scalar(0);
+      }
+      for (Index c = 0; c < partial_; ++c) reflect(n, tau, x, u_[c]);
+      if (dense_) {  // U ← U (I − tau x xᵀ) without its last column
+        product<Into::set>(reach_, 1, n, u_, {x, 1, 0}, work_);
+        for (Index c = 0; c < n - 1; ++c) axpy(reach_, -tau * x[c], work_[0], u_[c]);
+        --partial_;
+      } else {
+        for (Index c = 0; c < partial_; ++c) reflect(n, tau, x, v_[c]);
+        if (weighed_) move_weight(n - 1);
+        for (Index c = 0; c < partial_; ++c) v_(n - 1, c) = Scalar(0);
+      }
+    }
+    if (!dense_ && partial_ >= free_) become_dense();
+  }
+
+  /// K₀ = U_NᵀU_N and K_t = U_tᵀU_t, p × p, of the rows of U on free axes and on those taken; and
+  /// VᵀV, unless dense.
+  Block k_free() const noexcept { return k_free_; }
+  Block k_taken() const noexcept { return k_taken_; }
+  Block v_gram() const noexcept { return v_gram_; }
+  /// Makes them ready.
+  void weigh() noexcept {
+    if (weighed_) return;
+    weighed_ = true;
+    if (!dense_) gram(free_, partial_, v_, v_gram_);
+    if (reach_ == free_) {
+      clear(k_taken_, partial_);
+      return gram(free_, partial_, u_, k_free_);
+    }
+    for (Index c = 0; c < partial_; ++c) {
+      std::copy_n(u_[c], free_, work_[c]);
+      fill_up(free_, work_[c]);
+    }
+    gram(free_, partial_, work_, k_free_);
+    copy_taken(work_);
+    gram(reach_ - free_, partial_, work_, k_taken_);
+  }
+  /// U_t, (b − r) × p.
+  void copy_taken(Block out) const noexcept {
+    for (Index c = 0; c < partial_; ++c) {
+      std::copy_n(u_[c] + free_, reach_ - free_, out[c]);
+      fill_up(reach_ - free_, out[c]);
+    }
+  }
+
+  /// Z = U Vᵀ, b × r: in place.
+  void become_dense() noexcept {
+    if (dense_) return;
+    weighed_ = false;
+    if (partial_ > 0) {
+      product<Into::set>(reach_, free_, partial_, u_, transposed(v_), work_);
+      copy(work_, u_, free_);
+    } else {
+      clear(u_, free_);
+    }
+    partial_ = free_;
+    dense_ = true;
+  }
+
+  /// Q is zero but for rounding: ‖Q‖² at most ε^{3/2}.
+  bool vanishes() const noexcept {
+    if (!dense_) return free_ == 0;
+    const Scalar limit =
+        std::numeric_limits<Scalar>::epsilon() * std::sqrt(std::numeric_limits<Scalar>::epsilon());
+    Scalar square(0);
+    for (Index j = 0; j < free_; ++j) {
+      for (Index i = 0; i < reach_; ++i) {
+        const Scalar q = (i == j ? Scalar(1) : Scalar(0)) - u_(i, j);
+        square += q * q;
+      }
+      if (!(square <= limit)) return false;
+    }
+    return true;
+  }
+
+ private:
+  /// The first column of U may reach the axes that are free now.
+  void start() noexcept {
+    if (partial_ == 0) reach_ = free_;
+  }
+
+  /// Axis i is taken: its rows go from K₀ to K_t, and out of VᵀV.
+  void move_weight(Index i) noexcept {
+    Scalar *u = work_[0], *v = work_[1];
+    for (Index c = 0; c < partial_; ++c) u[c] = u_(i, c), v[c] = v_(i, c);
+    fill_up(partial_, u);
+    fill_up(partial_, v);
+    for (Index c = 0; c < partial_; ++c) {
+      axpy(partial_, -u[c], u, k_free_[c]);
+      axpy(partial_, u[c], u, k_taken_[c]);
+      axpy(partial_, -v[c], v, v_gram_[c]);
+    }
+  }
+
+  /// Takes axis i by exchanging it with the last free one, a reflection too.
+  void drop(Index i) noexcept {
+    const Index last = --free_;
+    tau_[last] = Scalar(0);
+    if (i == last) return;
+    std::fill_n(reflections_[last], reflections_.stride, Scalar(0));
+    reflections_(i, last) = Scalar(1);
+    reflections_(last, last) = Scalar(-1);
+    tau_[last] = Scalar(1);
+  }
+
+  Index dof_{0}, free_{0}, reach_{0}, partial_{0};
+  bool dense_{false}, weighed_{false};
+  Block reflections_{}, u_{}, v_{}, k_free_{}, k_taken_{}, v_gram_{}, work_{};
+  Scalar* tau_{};  // with column i of the reflections: the one that took axis i
+};
+
+}  // namespace icat::detail
