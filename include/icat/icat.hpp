@@ -36,6 +36,7 @@
 #include "icat/math/smooth_step.hpp"
 #include "icat/math/spatial_algebra.hpp"
 #include "icat/model/base.hpp"
+#include "icat/model/characteristic_length.hpp"
 #include "icat/model/joint.hpp"
 #include "icat/model/kinematic_tree.hpp"
 #include "icat/model/maris.hpp"

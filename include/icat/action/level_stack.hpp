@@ -8,6 +8,7 @@
 
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -16,6 +17,7 @@
 #include "icat/action/transition.hpp"
 #include "icat/action/unified_hierarchy.hpp"
 #include "icat/core/step_clock.hpp"
+#include "icat/model/characteristic_length.hpp"
 
 namespace icat {
 
@@ -25,6 +27,13 @@ struct Level {
   JacobianMatrix<Scalar, N> jacobian;         ///< rows × n
   Vector<Scalar, Eigen::Dynamic> activation;  ///< rows, in [0, 1]
   Vector<Scalar, Eigen::Dynamic> reference;   ///< rows
+  /// What the solver multiplies each row of J and ẋ̄ with: L to the power −`length_power`.
+  Vector<Scalar, Eigen::Dynamic> row_scale;
+
+  /// `row_scale` as `Tpik::add_level` takes it.
+  std::span<const Scalar> scales() const noexcept {
+    return {row_scale.data(), static_cast<std::size_t>(row_scale.size())};
+  }
 };
 
 /// See the file comment. Construction allocates and throws; nothing else does.
@@ -37,17 +46,21 @@ class LevelStack {
   using RobotLevel = Level<Scalar, R::size>;
 
   /// Computes the unified hierarchy of `actions`. `robot` and the tasks must outlive this object.
-  /// `max_step`: of the clock, s.
+  /// `max_step`: of the clock, s. `length`: L, m; none: that of the robot, see
+  /// characteristic_length.hpp.
   /// @throws std::invalid_argument on bad actions (see `unified_hierarchy`), a task that belongs to
-  ///         another robot, or a bad `max_step`.
-  [[gnu::cold]] LevelStack(const R& robot, const std::vector<Action<R>>& actions, double max_step)
+  ///         another robot, or a bad `max_step` or `length`.
+  [[gnu::cold]] LevelStack(const R& robot, const std::vector<Action<R>>& actions, double max_step,
+                           std::optional<Scalar> length)
       : robot_(robot),
+        length_(length ? *length : icat::characteristic_length(robot)),
         clock_(max_step),
         hierarchy_(unified_hierarchy(checked(robot, actions))),
         transition_(count_entries()),
         targets_(transition_.count()),
         names_(actions.size()),
         levels_(hierarchy_.size()) {
+    detail::require_positive("controller", "characteristic_length", length_);
     for (std::size_t a = 0; a < actions.size(); ++a) names_[a] = actions[a].name;
     for (std::size_t k = 0; k < levels_.size(); ++k) {
       Index rows = 0;
@@ -62,6 +75,13 @@ class LevelStack {
       detail::fill(level.jacobian, Scalar(0));
       detail::fill(level.activation, Scalar(0));
       detail::fill(level.reference, Scalar(0));
+      level.row_scale.resize(rows);
+      Index row = 0;
+      for (const auto& entry : hierarchy_[k]) {
+        for (Index i = 0; i < entry.task->rows(); ++i) {
+          level.row_scale(row++) = scale(entry.task->length_power(i));
+        }
+      }
     }
     wanted_.resize(tasks_.size());
   }
@@ -118,6 +138,8 @@ class LevelStack {
     return Status::ok;
   }
 
+  /// L, m: see `Level::row_scale`.
+  Scalar characteristic_length() const noexcept { return length_; }
   /// What the stamps given so far amount to.
   const StepClock& clock() const noexcept { return clock_; }
   /// The robot it was built for.
@@ -183,6 +205,13 @@ class LevelStack {
     return task.jacobian().rows() == task.rows() && task.jacobian().cols() == robot_.dof() &&
            task.reference().size() == task.rows() && task.activation().size() == task.rows();
   }
+  /// L to the power −`power`.
+  Scalar scale(Index power) const noexcept {
+    Scalar product(1);
+    for (; power > 0; --power) product /= length_;
+    for (; power < 0; ++power) product *= length_;
+    return product;
+  }
   std::size_t count_entries() const {
     std::size_t count = 0;
     for (const auto& level : hierarchy_) count += level.size();
@@ -206,6 +235,7 @@ class LevelStack {
   }
 
   const R& robot_;
+  Scalar length_;
   StepClock clock_;
   UnifiedHierarchy<R> hierarchy_;
   Transition transition_;

@@ -24,12 +24,13 @@ class ActionSolver {
   using Velocity = typename Solver::VectorN;
 
   /// Computes the unified hierarchy of `actions`. `robot` and the tasks must outlive this object.
+  /// `max_step` and `length` as in `LevelStack`.
   /// @throws std::invalid_argument on bad options or actions (see `unified_hierarchy`), or a task
   ///         that belongs to another robot.
   [[gnu::cold]] ActionSolver(const R& robot, const std::vector<Action<R>>& actions,
                              const Columns& given, const typename Solver::Options& options,
-                             double max_step)
-      : stack_(robot, actions, max_step),
+                             double max_step, std::optional<Scalar> length)
+      : stack_(robot, actions, max_step, length),
         tpik_(robot, options, given),
         velocity_(detail::zeros<Velocity>(robot.dof())) {}
 
@@ -70,6 +71,8 @@ class ActionSolver {
   const Velocity& velocity() const noexcept { return velocity_; }
   /// The robot it was built for.
   const R& robot() const noexcept { return stack_.robot(); }
+  /// L, m: see `Level::row_scale`.
+  Scalar characteristic_length() const noexcept { return stack_.characteristic_length(); }
   /// What the stamps given so far amount to.
   const StepClock& clock() const noexcept { return stack_.clock(); }
   /// Whether column `column` is given.

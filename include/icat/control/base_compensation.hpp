@@ -146,7 +146,8 @@ class BaseCompensation {
           split_(i, l + j) = j < base_.count ? level.jacobian(i, base_.first + j) : Scalar(0);
         }
       }
-      status = law_.add_level(split_.topRows(rows), level.activation, reference_.head(rows));
+      status = law_.add_level(split_.topRows(rows), level.activation, reference_.head(rows),
+                              level.scales());
     }
     const Status closing = law_.minimize_velocity();
     return status == Status::ok ? closing : status;

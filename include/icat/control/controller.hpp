@@ -67,6 +67,9 @@ class Controller {
     typename Solver::Options solver{};  ///< of the TPIK
     MotionLimits<R> limits{};           ///< the robot's own; or `icat::unlimited`
     TimeOptions time{};                 ///< late and bad input
+    /// L, m, by which rows in metres are divided for the solver; none: the robot's, see
+    /// characteristic_length.hpp. 1: rows as in the papers.
+    std::optional<Scalar> characteristic_length = std::nullopt;
   };
 
   /// Computes the unified hierarchy of `actions`. `robot` and the tasks must outlive this object.
@@ -76,7 +79,8 @@ class Controller {
       : Controller(robot, actions, Options{}) {}
   /// The same with options.
   [[gnu::cold]] Controller(const R& robot, const std::vector<Action<R>>& actions, Options options)
-      : solver_(robot, actions, options.given, options.solver, detail::longest_step(options)),
+      : solver_(robot, actions, options.given, options.solver, detail::longest_step(options),
+                options.characteristic_length),
         limits_(options.limits.of(robot, options.time.max_step)),
         ramp_(robot.dof(), options.time),
         hold_(options.time.hold),
@@ -180,6 +184,8 @@ class Controller {
   std::span<const Level<Scalar, R::size>> levels() const noexcept { return solver_.levels(); }
   /// Of the solver; levels are those of `hierarchy`.
   const TpikReport<Scalar>& report() const noexcept { return solver_.report(); }
+  /// L of the rows, m: see `Options`.
+  Scalar characteristic_length() const noexcept { return solver_.characteristic_length(); }
   /// What the stamps given so far amount to.
   const StepClock& clock() const noexcept { return solver_.clock(); }
 

@@ -73,7 +73,8 @@ class GivenTpik {
       solver_.reset();
     }
     for (std::size_t k = 0; k < levels.size() && status == Status::ok; ++k) {
-      status = solver_.add_level(levels[k].jacobian, levels[k].activation, levels[k].reference);
+      status = solver_.add_level(levels[k].jacobian, levels[k].activation, levels[k].reference,
+                                 levels[k].scales());
     }
     const Status closing = solver_.minimize_velocity();
     return status == Status::ok ? closing : status;

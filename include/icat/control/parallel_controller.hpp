@@ -35,7 +35,8 @@ class ParallelController {
   /// The same with options.
   [[gnu::cold]] ParallelController(const R& robot, const std::vector<Action<R>>& actions,
                                    Options options)
-      : first_(robot, actions, options.given, options.solver, detail::longest_step(options)),
+      : first_(robot, actions, options.given, options.solver, detail::longest_step(options),
+               options.characteristic_length),
         second_(robot, options.solver, options.given, first_.levels()),
         limits_(options.limits.of(robot, options.time.max_step)),
         base_(robot.dof(), options.time),

@@ -93,9 +93,10 @@ class Agent {
         agreement_(options.agreement),
         filter_(options.filter),
         own_(robot, actions, options.controller.given, options.controller.solver,
-             detail::longest_step(options.controller)),
+             detail::longest_step(options.controller), options.controller.characteristic_length),
         second_(robot, with_agreement(actions, shared, agreed_velocity_), options.controller.given,
-                options.controller.solver, detail::longest_step(options.controller)),
+                options.controller.solver, detail::longest_step(options.controller),
+                options.controller.characteristic_length),
         limits_(options.controller.limits.of(robot, options.controller.time.max_step)),
         ramp_(robot.dof(), options.controller.time),
         law_ramp_(ramp_),
@@ -522,7 +523,7 @@ class Agent {
         row += entry.task->rows();
         ++entry_index;
       }
-      (void)sensitivity_.add_level(rows, level.activation, level.reference);
+      (void)sensitivity_.add_level(rows, level.activation, level.reference, level.scales());
     }
     const auto& J = robot_.jacobian(tool_);
     const auto& P = sensitivity_.P();

@@ -10,8 +10,8 @@
 ///
 /// `a` = 1 starts the iteration from the projector onto ker(G); between 0 and 1 the grasp's
 /// constraint fades. The robots' hierarchies are merged level by level. It needs all states in one
-/// place, which no acoustic modem can provide; it is here to be compared with, and knows no limits
-/// but the solver's bounds.
+/// place, which no acoustic modem can provide; it is here to be compared with, knows no limits but
+/// the solver's bounds, and takes rows in metres as they are.
 #pragma once
 
 #include <memory>
@@ -50,8 +50,8 @@ class CentralizedController {
     for (const auto& m : members) {
       tools_.push_back(m.tool);
       velocities_.push_back(detail::zeros<Velocity>(m.robot.get().dof()));
-      parts_.push_back(
-          std::make_unique<LevelStack<R>>(m.robot.get(), m.actions, TimeOptions{}.max_step));
+      parts_.push_back(std::make_unique<LevelStack<R>>(m.robot.get(), m.actions,
+                                                       TimeOptions{}.max_step, Scalar(1)));
       for (const auto& action : m.actions) {
         if (parts_.front()->has(action.name) && m.actions.size() == members[0].actions.size()) {
           continue;
@@ -68,7 +68,7 @@ class CentralizedController {
     for (std::size_t k = 0; k < parts_.front()->levels().size(); ++k) {
       Index rows = 0;
       for (const auto& part : parts_) rows += part->levels()[k].jacobian.rows();
-      levels_.push_back({Matrix::Zero(rows, n), Rows::Zero(rows), Rows::Zero(rows)});
+      levels_.push_back({Matrix::Zero(rows, n), Rows::Zero(rows), Rows::Zero(rows), {}});
     }
     const Index constraints = 6 * static_cast<Index>(members.size() - 1);
     G_ = Matrix::Zero(constraints, n);

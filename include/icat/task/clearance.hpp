@@ -94,6 +94,7 @@ class ClearanceTask : public ReactiveTask<R> {
         bulge_(settings.bulge),
         bodies_(bodies),
         values_(static_cast<std::size_t>(rows), Scalar(0)) {
+    this->set_length_power(0, rows, 1);
     this->require_rate("max_rate", max_rate_);
     if (!(bulge_ > Scalar(0) && bulge_ <= Scalar(1))) {
       invalid("task '", this->name(), "': bulge must be in (0, 1], got ", bulge_);

@@ -66,6 +66,7 @@ class FrameDistance : public ScalarTask<R> {
         other_(other),
         point_(point),
         velocity_(detail::zeros<Vector3<Scalar>>(3)) {
+    this->set_length_power(0, 1, 1);
     this->require_frame(frame);
     if (other) this->require_frame(*other);
     this->require_finite("point", point);
@@ -127,6 +128,7 @@ class CenterOfMass : public ReactiveTask<R> {
         options_(options),
         goal_(goal),
         velocity_(detail::zeros<Vector3<Scalar>>(3)) {
+    this->set_length_power(0, this->rows(), 1);
     this->require_rate("max_rate", options.max_rate);
     this->require_finite("goal", goal);
     if (!(robot.mass() > Scalar(0))) {

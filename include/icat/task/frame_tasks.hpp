@@ -90,6 +90,7 @@ class FrameGoal : public ReactiveTask<R> {
         goal_(goal),
         goal_velocity_(zeros<Vector6<Scalar>>(6)),
         frame_(robot, frame, reference, name) {
+    this->set_length_power(0, linear.rows(), 1);
     this->require_rate("the largest linear rate", linear.max_rate);
     this->require_rate("the largest angular rate", angular.max_rate);
     if (!is_rigid(goal)) {
@@ -434,7 +435,9 @@ class FrameVelocity : public Task<R> {
   [[gnu::cold]] FrameVelocity(const R& robot, FrameId frame, Options options)
       : Task<R>(robot, options.name, options.linear.count() + options.angular.count()),
         options_(options),
-        frame_(robot, frame, options.relative_to, options.name) {}
+        frame_(robot, frame, options.relative_to, options.name) {
+    this->set_length_power(0, options.linear.count(), 1);
+  }
 
   /// [linear; angular] at the origin of ⟨f⟩, m/s, rad/s, of which the chosen axes count. NaN or
   /// infinity among them is refused, and the velocity is 0 until a good one comes: an old velocity

@@ -28,6 +28,7 @@ class FunctionTask : public ReactiveTask<R> {
     Index rows{1};                      ///< number of scalars
     Scalar gain{1};                     ///< γ, 1/s
     Scalar max_rate{infinity<Scalar>};  ///< of each row
+    Index length_power{0};              ///< of the metre in x: 1 for a distance, 0 for an angle
   };
 
   /// @throws std::invalid_argument on settings out of range or an empty function. Allocates.
@@ -42,6 +43,7 @@ class FunctionTask : public ReactiveTask<R> {
         function_(std::move(function)),
         max_rate_(options.max_rate),
         x_(detail::zeros<Vector<Scalar, Eigen::Dynamic>>(options.rows)) {
+    this->set_length_power(0, options.rows, options.length_power);
     this->require_rate("max_rate", options.max_rate);
     if (!function_) detail::invalid("task '", options.name, "': the function is empty");
   }

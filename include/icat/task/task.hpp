@@ -13,6 +13,7 @@
 #include <cmath>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "icat/core/status.hpp"
 #include "icat/math/spatial_algebra.hpp"
@@ -54,6 +55,11 @@ class Task {
   const Rows& reference() const noexcept { return reference_; }
   /// aⁱ, rows, in [0, 1].
   const Rows& activation() const noexcept { return activation_; }
+  /// The power of the metre in the unit of row `row`: 1 for a distance, 0 for an angle or a column
+  /// of ẏ. Controllers divide rows by that power of the characteristic length when they solve.
+  Index length_power(Index row) const noexcept {
+    return length_powers_[static_cast<std::size_t>(row)];
+  }
 
  protected:
   /// Rows are active, all else 0.
@@ -65,6 +71,11 @@ class Task {
     reference_ = detail::zeros<Rows>(rows);
     activation_ = detail::zeros<Rows>(rows);
     detail::fill(activation_, Scalar(1));
+    length_powers_.assign(static_cast<std::size_t>(rows), Index{0});
+  }
+  /// Of the `count` rows from `first` on; 0 unless said otherwise. For constructors.
+  [[gnu::cold]] void set_length_power(Index first, Index count, Index power) {
+    std::fill_n(length_powers_.begin() + first, count, power);
   }
 
   /// Fills `jacobian_`, `reference_` and `activation_`; what is not filled keeps its value.
@@ -106,6 +117,7 @@ class Task {
   const R& robot_;
   std::string name_;
   Index rows_;
+  std::vector<Index> length_powers_;
 };
 
 /// A task with a gain γ.

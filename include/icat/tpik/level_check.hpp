@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cmath>
+#include <span>
 #include <type_traits>
 
 #include "icat/math/panel.hpp"
@@ -121,17 +122,23 @@ class Input {
   Scalar (*coefficient_)(const void*, Index, Index){nullptr};
 };
 
-/// J, a and ẋ̄ of a level.
+/// J, a and ẋ̄ of a level, and what its rows are multiplied with; none: 1.
 template <class Scalar>
 struct LevelInput {
   Input<Scalar> jacobian, activation, reference;
+  std::span<const Scalar> row_scale;
+
+  Scalar scale(Index i) const noexcept {
+    return row_scale.empty() ? Scalar(1) : row_scale[static_cast<std::size_t>(i)];
+  }
 };
 
 /// Compile-time sizes that cannot match do not compile.
 template <class Scalar, class J, class A, class R>
 LevelInput<Scalar> level_input(const Eigen::MatrixBase<J>& jacobian,
                                const Eigen::MatrixBase<A>& activation,
-                               const Eigen::MatrixBase<R>& reference) noexcept {
+                               const Eigen::MatrixBase<R>& reference,
+                               std::span<const Scalar> row_scale = {}) noexcept {
   constexpr int rows = J::RowsAtCompileTime;
   static_assert(A::ColsAtCompileTime == 1 || A::ColsAtCompileTime == Eigen::Dynamic,
                 "the activation is a column vector");
@@ -143,24 +150,26 @@ LevelInput<Scalar> level_input(const Eigen::MatrixBase<J>& jacobian,
   static_assert(rows == Eigen::Dynamic || R::RowsAtCompileTime == Eigen::Dynamic ||
                     rows == R::RowsAtCompileTime,
                 "one reference for each row of the Jacobian");
-  return {jacobian, activation, reference};
+  return {jacobian, activation, reference, row_scale};
 }
 
 /// Fills rows, active rows, status and bad row. Rows that are inactive are checked too.
 template <class Scalar>
 LevelReport<Scalar> check_level(const LevelInput<Scalar>& input, Index columns) noexcept {
-  const auto& [jacobian, activation, reference] = input;
+  const auto& [jacobian, activation, reference, row_scale] = input;
   LevelReport<Scalar> level;
   level.rows = jacobian.rows;
   if (jacobian.cols != columns || activation.cols != 1 || reference.cols != 1 ||
-      activation.rows != level.rows || reference.rows != level.rows) {
+      activation.rows != level.rows || reference.rows != level.rows ||
+      (!row_scale.empty() && static_cast<Index>(row_scale.size()) != level.rows)) {
     level.status = Status::wrong_size;
     return level;
   }
   bool good = jacobian.finite();
   for (Index i = 0; i < level.rows; ++i) {
     const Scalar a = activation(i);
-    good &= a >= Scalar(0) && a <= Scalar(1) && reference(i) * Scalar(0) == Scalar(0);
+    good &= a >= Scalar(0) && a <= Scalar(1) && reference(i) * Scalar(0) == Scalar(0) &&
+            input.scale(i) > Scalar(0) && input.scale(i) < infinity<Scalar>;
     if (a > Scalar(0)) ++level.active_rows;
   }
   if (good) return level;
@@ -168,15 +177,19 @@ LevelReport<Scalar> check_level(const LevelInput<Scalar>& input, Index columns) 
     const Scalar a = activation(i);
     bool finite = std::isfinite(a) && std::isfinite(reference(i));
     for (Index j = 0; j < columns; ++j) finite = finite && std::isfinite(jacobian(i, j));
-    if (finite && a >= Scalar(0) && a <= Scalar(1)) continue;
-    level.status = finite ? Status::activation_out_of_range : Status::non_finite;
+    const bool in_range = a >= Scalar(0) && a <= Scalar(1),
+               scaled = input.scale(i) > Scalar(0) && input.scale(i) < infinity<Scalar>;
+    if (finite && in_range && scaled) continue;
+    level.status = !finite    ? Status::non_finite
+                   : in_range ? Status::out_of_range
+                              : Status::activation_out_of_range;
     level.bad_row = i;
   }
   return level;
 }
 
-/// What the report says of a solved level, of which the first `columns` columns of the Jacobian
-/// meet the velocity `rho`. Rows without activation do not count.
+/// What the report says of a solved level, as if rows were not scaled, of which the first `columns`
+/// columns of the Jacobian meet the velocity `rho`. Rows without activation do not count.
 template <int N, class Scalar>
 void report_rates(const LevelInput<Scalar>& input, Index columns, const Scalar* rho,
                   LevelReport<Scalar>& level) noexcept {

@@ -45,15 +45,17 @@ class LevelRows {
   }
 
   /// Active row `i` of a Jacobian (the first n columns count) and its activation; e is what is
-  /// `wanted` of it (sides) less what `current` (n × sides, columns `step` apart) does already. `N`
-  /// is n, where that is known at compile time.
+  /// `wanted` of it (sides) less what `current` (n × sides, columns `step` apart) does already,
+  /// both times `row_scale`. `N` is n, where that is known at compile time.
   template <int N>
   void row(const Input<Scalar>& jacobian, Index i, Scalar activation, const Scalar* wanted,
-           const Scalar* current, Index step) noexcept {
+           const Scalar* current, Index step, Scalar row_scale) noexcept {
     if (stored_ == dof_) absorb();
     jacobian.template copy_row<N>(i, dof_, bt[stored_]);
+    if (row_scale != Scalar(1)) scale(dof_, row_scale, bt[stored_], bt[stored_]);
     for (Index c = 0; c < sides_; ++c) {
-      e(stored_, c) = wanted[c] - jacobian.template row_dot<N>(i, dof_, current + c * step);
+      e(stored_, c) =
+          row_scale * (wanted[c] - jacobian.template row_dot<N>(i, dof_, current + c * step));
     }
     binary &= activation == Scalar(1);
     a[stored_++] = activation;

@@ -69,11 +69,12 @@ class ParametricTpik {
   /// report's rates are those for v = 0.
   template <class J, class A, class R>
   Status add_level(const Eigen::MatrixBase<J>& jacobian, const Eigen::MatrixBase<A>& activation,
-                   const Eigen::MatrixBase<R>& reference) noexcept {
+                   const Eigen::MatrixBase<R>& reference,
+                   std::span<const Scalar> row_scale = {}) noexcept {
     const detail::Readable<J> j(jacobian.derived());
     const detail::Readable<A> a(activation.derived());
     const detail::Readable<R> r(reference.derived());
-    return add(detail::level_input<Scalar>(j, a, r));
+    return add(detail::level_input<Scalar>(j, a, r, row_scale));
   }
 
   /// The closing level, which minimizes their motion; call it last, always.
@@ -135,7 +136,8 @@ class ParametricTpik {
         if (!(a > Scalar(0))) continue;
         Scalar wanted[columns] = {input.reference(i)};
         for (Index c = 1; c < columns; ++c) wanted[c] = -input.jacobian(i, l + c - 1);
-        iteration_.template row<N>(input.jacobian, i, a, wanted, law_.data(), dof());
+        iteration_.template row<N>(input.jacobian, i, a, wanted, law_.data(), dof(),
+                                   input.scale(i));
       }
       if (!iteration_.solve()) {
         level.status = Status::numerical_failure;

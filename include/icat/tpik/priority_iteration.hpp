@@ -53,8 +53,8 @@ class PriorityIteration {
   void begin(Index active) noexcept { level_.begin(active); }
   template <int N>
   void row(const Input<Scalar>& jacobian, Index i, Scalar activation, const Scalar* wanted,
-           const Scalar* current, Index step) noexcept {
-    level_.template row<N>(jacobian, i, activation, wanted, current, step);
+           const Scalar* current, Index step, Scalar row_scale) noexcept {
+    level_.template row<N>(jacobian, i, activation, wanted, current, step, row_scale);
   }
 
   /// Computes `increment`; `accept` then takes over the next q(). False, with nothing

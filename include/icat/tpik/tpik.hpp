@@ -114,16 +114,20 @@ class Tpik {
   ///                   first, which allocates if its size is known at run time only; so for all.
   /// @param activation m, the diagonal of A, in [0, 1]
   /// @param reference  m, the reference rate ẋ̄
+  /// @param row_scale  m, each finite and > 0, or none: row i of J and ẋ̄ counts multiplied with
+  ///                   it, such as one in metres with 1 / characteristic length; the report's
+  ///                   rates are those of the rows as they are
   /// @return `ok`, or why the level was refused: it then changed nothing, later levels may follow,
   ///         and the report names the level and its row. A level of activation 0 changes nothing,
   ///         exactly. No allocation, no exception.
   template <class J, class A, class R>
   Status add_level(const Eigen::MatrixBase<J>& jacobian, const Eigen::MatrixBase<A>& activation,
-                   const Eigen::MatrixBase<R>& reference) noexcept {
+                   const Eigen::MatrixBase<R>& reference,
+                   std::span<const Scalar> row_scale = {}) noexcept {
     const detail::Readable<J> j(jacobian.derived());
     const detail::Readable<A> a(activation.derived());
     const detail::Readable<R> r(reference.derived());
-    return add(detail::level_input<Scalar>(j, a, r));
+    return add(detail::level_input<Scalar>(j, a, r, row_scale));
   }
 
   /// The closing level of Eq. (23), which keeps ẏ continuous: call it last, always. Listed in the
@@ -190,8 +194,8 @@ class Tpik {
       iteration_.begin(level.active_rows);
       for (Index i = 0; i < level.rows; ++i) {
         const Scalar a = input.activation(i), wanted = input.reference(i);
-        if (a > Scalar(0))
-          iteration_.template row<N>(input.jacobian, i, a, &wanted, rho_.data(), 0);
+        if (!(a > Scalar(0))) continue;
+        iteration_.template row<N>(input.jacobian, i, a, &wanted, rho_.data(), 0, input.scale(i));
       }
       if (!iteration_.solve()) {
         level.status = Status::numerical_failure;

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// The characteristic length L of a robot. Rows in metres are divided by it, so that singular
+/// values, and what they are compared with, do not depend on the robot's size.
+///
+///     L = max over frames of Σ_k ‖x_{k−1} − x_k‖,  x₀ the frame's origin,
+///         x_k the point nearest to x_{k−1} on the axis of the k-th joint from the frame to the
+///         base
+///
+/// That is the robot's reach: the lever of any joint is at most as long. A joint turns all x before
+/// it and leaves its own, so L does not depend on the state. Of slides it does: they count as they
+/// stand. In the field L is also chosen for the best condition number [Angeles], a fraction of the
+/// reach that depends on the posture; the reach has no such choice, and the arms that σ_t of the
+/// papers is meant for reach about 1 m.
+#pragma once
+
+#include <algorithm>
+#include <vector>
+
+#include "icat/math/spatial_algebra.hpp"
+#include "icat/model/robot.hpp"
+
+namespace icat {
+namespace detail {
+
+/// The way from a frame to the base, on which joints are passed one by one.
+template <class Scalar>
+struct ReachWay {
+  Vector3<Scalar> at{Scalar(0), Scalar(0), Scalar(0)};  ///< x_k, from the frame's origin
+  Scalar length{0};
+  bool slides{false};  ///< a joint on it is a slide
+
+  /// The next joint, by its column of the frame's Jacobian; zero where it is not on the way.
+  void pass(const Vector3<Scalar>& linear, const Vector3<Scalar>& angular) noexcept {
+    const Scalar square = dot(angular, angular);
+    if (!(square > Scalar(1e-12))) {
+      slides = slides || dot(linear, linear) > Scalar(0);
+      return;
+    }
+    // From x to the axis through −v × ω / ω², along ω.
+    const Vector3<Scalar> to = minus(scaled(cross(linear, angular), Scalar(-1) / square), at);
+    const Vector3<Scalar> across = plus(to, -dot(angular, to) / square, angular);
+    length += norm(across);
+    at = plus(at, across);
+  }
+};
+
+template <class R>
+concept CountsFrames = FramedRobot<R> && requires(const R& robot, FrameId frame) {
+  FrameId(robot.frame_count(), robot.frame_name(frame));
+};
+
+}  // namespace detail
+
+/// L in metres, see the file comment; 1 for a robot that has no joints, does not count its frames,
+/// or reaches less than 1 mm. At most 1 where a slide or the base translates a frame: their columns
+/// are in m/s, of size 1, and divided by more they would be small. For configuration.
+template <Robot R>
+[[gnu::cold]] typename R::Scalar characteristic_length(const R& robot) {
+  using Scalar = typename R::Scalar;
+  Scalar longest(0);
+  bool translates = false;
+  if constexpr (detail::CountsFrames<R> && JointedRobot<R>) {
+    std::vector<Index> columns;
+    for (const auto& joint : robot.joints()) columns.push_back(joint.column);
+    std::sort(columns.begin(), columns.end());
+    for (Index f = 0; f < robot.frame_count(); ++f) {
+      detail::ReachWay<Scalar> way;
+      const auto visit = [&way](Index, const Vector3<Scalar>& linear,
+                                const Vector3<Scalar>& angular) { way.pass(linear, angular); };
+      if constexpr (requires { robot.for_each_joint_of(FrameId(f), visit); }) {
+        robot.for_each_joint_of(FrameId(f), visit);
+      } else {
+        const auto& J = robot.jacobian(FrameId(f));
+        for (std::size_t k = columns.size(); k-- > 0;) {
+          visit(columns[k], detail::column3(J, 0, columns[k]), detail::column3(J, 3, columns[k]));
+        }
+      }
+      longest = std::max(longest, way.length);
+      translates = translates || way.slides;
+    }
+  }
+  if constexpr (MobileRobot<R>) {
+    const auto& B = robot.base_motion();
+    for (Index j = 0; j < B.cols(); ++j) {
+      for (Index i = 0; i < 3; ++i) translates = translates || B(i, j) != Scalar(0);
+    }
+  }
+  if (!(longest >= Scalar(1e-3)) || (translates && longest > Scalar(1))) return Scalar(1);
+  return longest;
+}
+
+}  // namespace icat
