@@ -172,7 +172,9 @@ Result run(const Variant& variant, double dt, Observe observe) {
   icat::Columns given;
   if (variant.underactuated) given = icat::ColumnRange{10, 2};  // roll and pitch
   const icat::Controller<Robot>::Options options{
-      .given = given, .solver = {.bounds = support::velocity_bounds(0.5, 0.5, 0.4)}};
+      .given = given,
+      .solver = {.bounds = support::velocity_bounds(0.5, 0.5, 0.4)},
+      .characteristic_length = 1};  // rows as in the paper
   icat::ParallelController controller(robot, actions, options);
   //! [controller]
   icat::Controller whole_body(robot, actions, options);  // without compensation: TPIK 1 alone

@@ -73,7 +73,8 @@ inline constexpr double joint_speed = 1.0, vehicle_speed = 0.8, vehicle_turn = 0
 inline constexpr double settle = 2.5;  ///< s, the phases around the firm grasp, as in the paper
 
 inline icat::Controller<Robot>::Options controller_options() {
-  return {.solver = {.bounds = support::velocity_bounds(joint_speed, vehicle_speed, vehicle_turn)}};
+  return {.solver = {.bounds = support::velocity_bounds(joint_speed, vehicle_speed, vehicle_turn)},
+          .characteristic_length = 1};  // rows as in the paper
 }
 
 inline Robot make_robot() {

@@ -173,7 +173,8 @@ inline Result run_icat(const Scenario& scenario) {
   task::JointLimits limits(robot, {.margin = 0.1, .gain = 0.5});
   icat::Controller controller(
       robot, {{"guide", {{limits}, {k.tool}, {k.level}, {k.distance}, {k.view}, {k.joint}}}},
-      {.solver = {.bounds = {-velocity_limits(), velocity_limits()}}});
+      {.solver = {.bounds = {-velocity_limits(), velocity_limits()}},
+       .characteristic_length = 1});  // rows as in the paper
   icat::Status status = controller.start("guide", 0);
   const auto guide = [&](double t, Velocity& y) {
     if (status == icat::Status::ok) status = controller.step(t);

@@ -175,7 +175,8 @@ class Side {
         agent(robot, {{"hold", levels(hold_)}, {"transport", levels(tool_)}},
               {{"hold", hold_}, {"transport", tool_}},
               {.controller = {.solver = {.bounds = support::velocity_bounds(
-                                             p.joint_speed, p.vehicle_speed, p.vehicle_turn)}},
+                                             p.joint_speed, p.vehicle_speed, p.vehicle_turn)},
+                              .characteristic_length = 1},  // rows as in the paper
                .compensation = row.compensation,
                .agreement = {.index = index,
                              .spans = row.spans,
