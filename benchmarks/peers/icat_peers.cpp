@@ -145,7 +145,7 @@ void measure_alone(const std::string& name, Icat& peer, const peers::Problem& p)
     const double start = peers::now();
     tpik.reset();
     for (const auto& level : levels) {
-      expect(tpik.add_level(level.jacobian, level.activation, level.reference));
+      expect(tpik.add_level(level.jacobian, level.activation, level.reference, level.scales()));
     }
     expect(tpik.minimize_velocity());
     if (k >= 100) times.values.push_back(peers::now() - start);

@@ -79,7 +79,12 @@ class LevelStack {
       Index row = 0;
       for (const auto& entry : hierarchy_[k]) {
         for (Index i = 0; i < entry.task->rows(); ++i) {
-          level.row_scale(row++) = scale(entry.task->length_power(i));
+          const Scalar scale = to_minus(entry.task->length_power(i));
+          if (!(scale > Scalar(0) && scale < infinity<Scalar>)) {
+            detail::invalid("task '", entry.task->name(), "': a characteristic_length of ", length_,
+                            " to the power ", entry.task->length_power(i), " is no number");
+          }
+          level.row_scale(row++) = scale;
         }
       }
     }
@@ -206,7 +211,7 @@ class LevelStack {
            task.reference().size() == task.rows() && task.activation().size() == task.rows();
   }
   /// L to the power −`power`.
-  Scalar scale(Index power) const noexcept {
+  Scalar to_minus(Index power) const noexcept {
     Scalar product(1);
     for (; power > 0; --power) product /= length_;
     for (; power < 0; ++power) product *= length_;

@@ -8,10 +8,10 @@
 ///         base
 ///
 /// That is the robot's reach: the lever of any joint is at most as long. A joint turns all x before
-/// it and leaves its own, so L does not depend on the state. Of slides it does: they count as they
-/// stand. In the field L is also chosen for the best condition number [Angeles], a fraction of the
-/// reach that depends on the posture; the reach has no such choice, and the arms that σ_t of the
-/// papers is meant for reach about 1 m.
+/// it and leaves its own where it is, so L does not depend on the state. On slides it does: they
+/// count as they stand. Elsewhere L is chosen for the smallest condition number [Angeles]: a part
+/// of the reach, which depends on the posture. The reach does not, and the papers' arm, which their
+/// σ_t is made for, reaches 1.1 m.
 #pragma once
 
 #include <algorithm>

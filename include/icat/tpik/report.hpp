@@ -12,7 +12,8 @@
 namespace icat {
 
 /// One priority level of the hierarchy, in the order it was added. The rates are Euclidean norms
-/// over the level's rows, each weighted by its activation, taken right after the level was solved.
+/// over the level's rows as they are (not as `row_scale` has them), each weighted by its
+/// activation, taken right after the level was solved.
 template <class Scalar>
 struct LevelReport {
   /// Number of rows.
