@@ -170,6 +170,8 @@ TEST(SmallAgents, AgreeInMetres) {
         robot, {{"carry", {{tool}}}}, {{"carry", tool}},
         {.controller = {.limits = icat::unlimited, .characteristic_length = length},
          .agreement = {.spans = true, .fade = 0.01}});
+    EXPECT_NEAR(agent.own().characteristic_length(), length.value_or(0.15), 1e-12);
+    EXPECT_NEAR(agent.second().characteristic_length(), length.value_or(0.15), 1e-12);
     EXPECT_EQ(agent.start("carry", 0), Status::ok);
     for (int k = 0; k < 5; ++k) {
       EXPECT_EQ(agent.propose(0.01 * k), Status::ok);
