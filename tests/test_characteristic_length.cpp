@@ -161,14 +161,15 @@ const auto pose = [](auto& robot, icat::FrameId f, const auto& goal) {
 
 TEST(SmallAndLargeArms, TheTable) {
   std::printf(
-      "\n| reach | planar arm, position | 7R arm, position | 7R arm, pose |\n|---|---|---|---|\n");
+      "\n| rows in metres | reach | planar arm, position | 7R arm, position | 7R arm, pose |\n"
+      "|---|---|---|---|---|\n");
   for (const bool divide : {false, true}) {
     for (const double reach : sizes) {
       const Loss columns[] = {
           loss(planar_arm<double>(reach), reach, "tool", divide, planar_position),
           loss(fixed_arm_of<double>(reach), reach, "end_effector", divide, position),
           loss(fixed_arm_of<double>(reach), reach, "end_effector", divide, pose)};
-      std::printf("| %g m%s |", reach, divide ? "" : ", `characteristic_length = 1`");
+      std::printf("| %s | %g m |", divide ? "over the reach" : "as they are", reach);
       for (const Loss& l : columns) {
         std::printf(" %.1f %%, %.1f %%; %.1f %% |", 1e2 * l.mean, 1e2 * l.worst, 1e2 * l.of_all);
       }
@@ -217,8 +218,9 @@ TEST(SmallAndLargeArms, MoveAlike) {
   EXPECT_GT(without, 0.1);
 }
 
-TEST(SmallAndLargeArms, AreRegularizedAtTheSamePlace) {
-  // The elbow of a planar arm of two links stretches; where the regularization begins.
+TEST(SmallAndLargeArms, AreRegularizedAtTheSamePlaceOfTheTable) {
+  // The elbow of the planar arm stretches from 1.5 rad on; where the regularization begins.
+  std::printf("\n| rows in metres | 0.15 m | 0.3 m | 1 m | 3 m |\n|---|---|---|---|---|\n");
   double begins[2][4];
   for (const bool divide : {false, true}) {
     for (std::size_t i = 0; i < 4; ++i) {
@@ -235,8 +237,9 @@ TEST(SmallAndLargeArms, AreRegularizedAtTheSamePlace) {
       }
       begins[divide][i] = bend;
     }
-    std::printf("regularized from an elbow of %.3f, %.3f, %.3f, %.3f rad on\n", begins[divide][0],
-                begins[divide][1], begins[divide][2], begins[divide][3]);
+    std::printf("| %s |", divide ? "over the reach" : "as they are");
+    for (const double bend : begins[divide]) std::printf(" %.2f rad |", bend);
+    std::printf("\n");
   }
   for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(begins[true][i], begins[true][2]);
   EXPECT_EQ(begins[false][2], begins[true][2]);

@@ -30,7 +30,9 @@ class Altitude : public icat::ReactiveTask<Robot> {
       : ReactiveTask(robot, "altitude", 1, options.gain),
         frame_(frame),
         seabed_(options.seabed),
-        objective_(icat::Objective<double>::at_least(options.minimum, options.margin)) {}
+        objective_(icat::Objective<double>::at_least(options.minimum, options.margin)) {
+    set_length_power(0, 1, 1);  // row 0 is in metres
+  }
 
  private:
   void compute() noexcept override {
@@ -51,9 +53,9 @@ auto make_altitude_task(const Robot& robot, icat::FrameId frame, double seabed) 
     x(0) = seabed - r.pose(frame).translation().z();
     J.row(0) = -r.jacobian(frame).row(2);
   };
-  return icat::task::FunctionTask<Robot>(robot, icat::Objective<double>::at_least(0.3, 0.1),
-                                         altitude,
-                                         {.name = "altitude", .gain = 1.0, .max_rate = 0.2});
+  return icat::task::FunctionTask<Robot>(
+      robot, icat::Objective<double>::at_least(0.3, 0.1), altitude,
+      {.name = "altitude", .gain = 1.0, .max_rate = 0.2, .length_power = 1});  // metres
 }
 //! [lambda]
 
@@ -96,6 +98,13 @@ TEST(Tutorial, ARobotFromItsTable) {
   //! [table]
   EXPECT_EQ(robot.dof(), 8);
   EXPECT_EQ(robot.frame_name(robot.base()), "chassis");
+  icat::task::FramePosition position(robot, robot.frame("link6"), {0.5, 0, 0.8});
+  //! [length]
+  const double usual = icat::characteristic_length(robot);  // 1 m: the arm is longer, on a base
+  icat::Controller controller(robot, {{"reach", {{position}}}}, {.characteristic_length = 1.5});
+  //! [length]
+  EXPECT_EQ(usual, 1);
+  EXPECT_EQ(controller.characteristic_length(), 1.5);
   EXPECT_EQ(robot.pose(robot.frame("arm_base")).matrix(), where_it_sits.matrix());
 }
 

@@ -9,9 +9,9 @@
 ///
 /// That is the robot's reach: the lever of any joint is at most as long. A joint turns all x before
 /// it and leaves its own where it is, so L does not depend on the state. On slides it does: they
-/// count as they stand. Elsewhere L is chosen for the smallest condition number [Angeles]: a part
-/// of the reach, which depends on the posture. The reach does not, and the papers' arm, which their
-/// σ_t is made for, reaches 1.1 m.
+/// count as they stand. In design L is what makes a condition number smallest (Khan and Angeles,
+/// 2006); the reach needs no search, and that of the papers' arm, which their σ_t is made for, is
+/// 1.1 m.
 #pragma once
 
 #include <algorithm>
