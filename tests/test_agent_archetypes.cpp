@@ -96,7 +96,8 @@ TEST(AgentOfAnyRobot, ARobotThatIsNothingButFrames) {
   task::FramePose<FixedArm> tool(arm, hand, goal);
   task::FramePose<FramesOnly> same_tool(frames, hand, goal);
   icat::Agent<FixedArm> a(arm, {{"carry", {{tool}}}}, {{"carry", tool}},
-                          {.agreement = {.index = 0, .fade = 0.1}});
+                          {.controller = {.characteristic_length = 1},  // frames alone have none
+                           .agreement = {.index = 0, .fade = 0.1}});
   icat::Agent<FramesOnly> b(frames, {{"carry", {{same_tool}}}}, {{"carry", same_tool}},
                             {.agreement = {.index = 1, .fade = 0.1}});
   ASSERT_EQ(a.start("carry", 0), Status::ok);
