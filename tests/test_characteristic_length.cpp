@@ -19,26 +19,36 @@ namespace task = icat::task;
 
 // --- the length
 
+/// Of the frame "end_effector", or another.
+template <class R>
+double length_of(const R& robot, const char* frame = "end_effector") {
+  return icat::characteristic_length(robot, robot.frame(frame));
+}
+
 TEST(CharacteristicLength, IsTheReachInEveryState) {
   std::mt19937 rng(1);
   for (const double reach : sizes) {
     Tree planar = planar_arm<double>(reach), spatial = fixed_arm_of<double>(reach);
     for (int k = 0; k < 20; ++k) {
-      EXPECT_NEAR(icat::characteristic_length(planar), reach, 1e-12);
-      EXPECT_NEAR(icat::characteristic_length(spatial), reach, 1e-12);
+      EXPECT_NEAR(length_of(planar, "tool"), reach, 1e-12);
+      EXPECT_NEAR(length_of(spatial), reach, 1e-12);
       ASSERT_EQ(planar.update(random_positions(planar, rng)), Status::ok);
       ASSERT_EQ(spatial.update(random_positions(spatial, rng)), Status::ok);
     }
-    EXPECT_NEAR(icat::characteristic_length(fixed_arm_of<float>(reach)), reach, 1e-6);
+    EXPECT_NEAR(length_of(fixed_arm_of<float>(reach)), reach, 1e-6);
+    // The elbow is nearer, the shoulder stands on the first axis.
+    EXPECT_NEAR(length_of(spatial, "link4"), 0.577 / maris_reach * reach, 1e-12);
+    EXPECT_EQ(length_of(spatial, "link2"), 0);
+    // A model of somebody else's, known by its Jacobians alone.
+    EXPECT_NEAR(length_of(BaseFirst<Tree>(spatial)), reach, 1e-12);
   }
-  // From the torso's axis to the shoulder and along the arm; the way to one arm has nothing of the
-  // other.
+  // From the torso's axis to the shoulder and along the arm; the other arm is not on the way.
   Tree two = torso();
-  const double length = icat::characteristic_length(two);
+  const double length = length_of(two, "left_end_effector");
   EXPECT_GT(length, maris_reach);
   EXPECT_LT(length, maris_reach + 0.6);
   ASSERT_EQ(two.update(random_positions(two, rng)), Status::ok);
-  EXPECT_NEAR(icat::characteristic_length(two), length, 1e-12);
+  EXPECT_NEAR(length_of(two, "left_end_effector"), length, 1e-12);
 }
 
 TEST(CharacteristicLength, BoundsEveryLever) {
@@ -58,30 +68,23 @@ TEST(CharacteristicLength, OfBasesSlidesAndWhatCannotMove) {
   // A base does not add to the reach; it is in m/s, and not made small by a longer arm.
   for (const auto& base : {icat::Base<double>::differential_drive(), icat::Base<double>::surface(),
                            icat::Base<double>::free()}) {
-    EXPECT_NEAR(icat::characteristic_length(mobile_arm_of(0.15, base)), 0.15, 1e-12);
-    EXPECT_EQ(icat::characteristic_length(mobile_arm_of(3, base)), 1);
+    EXPECT_NEAR(length_of(mobile_arm_of(0.15, base)), 0.15, 1e-12);
+    EXPECT_EQ(length_of(mobile_arm_of(3, base)), 1);
+    EXPECT_EQ(length_of(mobile_arm_of(3, base), "platform"), 0);
   }
-  EXPECT_EQ(icat::characteristic_length(make_robot<double>()), 1);  // the papers' robot
+  EXPECT_EQ(length_of(make_robot<double>()), 1);  // the papers' robot
+  EXPECT_EQ(length_of(fixed_arm_of<double>(0.3), "base"), 0);
 
-  // A table of slides with a wrist, and a rail under an arm.
-  const auto slide = icat::JointType::prismatic;
-  icat::Vector3<double> x(1, 0, 0);
+  // A cart on a rail with a wrist.
   std::vector<icat::Joint<double>> joints(3);
-  joints[0] = {"x", "ground", "cart", slide};
-  joints[0].axis = x;
+  joints[0] = {"x", "ground", "cart", icat::JointType::prismatic};
   joints[1] = {"turn", "cart", "wrist"};
   joints[2] = {"tip", "wrist", "tip", icat::JointType::fixed,
                make_pose<double>(0.05, 0, 0, 0, 0, 0)};
-  EXPECT_NEAR(icat::characteristic_length(Tree({.joints = joints})), 0.05, 1e-12);
+  EXPECT_NEAR(length_of(Tree({.joints = joints}), "tip"), 0.05, 1e-12);
+  EXPECT_EQ(length_of(Tree({.joints = joints}), "cart"), 0);
   joints[2].origin.translation().x() = 2;
-  EXPECT_EQ(icat::characteristic_length(Tree({.joints = joints})), 1);
-
-  // Nothing that turns; a frame on the axis.
-  EXPECT_EQ(icat::characteristic_length(Tree({.joints = {joints[0]}})), 1);
-  joints[1].parent = "ground";
-  EXPECT_EQ(icat::characteristic_length(Tree({.joints = {joints[1]}})), 1);
-  EXPECT_EQ(icat::characteristic_length(Tree({.base = icat::Base<double>::free(), .root = "hull"})),
-            1);
+  EXPECT_EQ(length_of(Tree({.joints = joints}), "tip"), 1);
 
   // A mimic turns, too: its own axis counts.
   std::vector<icat::Joint<double>> finger(3);
@@ -91,24 +94,13 @@ TEST(CharacteristicLength, OfBasesSlidesAndWhatCannotMove) {
   finger[1].mimic = icat::Mimic<double>{"first", 0.7};
   finger[2] = {"tip", "two", "tip", icat::JointType::fixed, make_pose<double>(0.03, 0, 0, 0, 0, 0)};
   Tree hand({.joints = finger});
-  EXPECT_NEAR(icat::characteristic_length(hand), 0.07, 1e-12);
+  EXPECT_NEAR(length_of(hand, "tip"), 0.07, 1e-12);
   ASSERT_EQ(hand.update(Eigen::VectorXd::Constant(1, 1.2)), Status::ok);
-  EXPECT_NEAR(icat::characteristic_length(hand), 0.07, 1e-12);
+  EXPECT_NEAR(length_of(hand, "tip"), 0.07, 1e-12);
 
-  // Robots of somebody else's, that do not count their frames.
-  EXPECT_EQ(icat::characteristic_length(archetypes::Bare<double, 3>()), 1);
-  EXPECT_EQ(icat::characteristic_length(archetypes::FramedAndJointed<double, 3>()), 1);
-  EXPECT_EQ(icat::characteristic_length(BaseFirst<Tree>(fixed_arm_of<double>(0.3))), 1);
-}
-
-/// It does, and its columns stand in no order.
-struct Counting : BaseFirst<Tree> {
-  using BaseFirst::BaseFirst;
-  icat::Index frame_count() const { return 9; }
-  std::string frame_name(icat::FrameId) const { return "frame"; }
-};
-TEST(CharacteristicLength, OfAModelThatCountsItsFrames) {
-  EXPECT_NEAR(icat::characteristic_length(Counting(fixed_arm_of<double>(0.3))), 0.3, 1e-12);
+  // Nothing but frames, and slides alone.
+  EXPECT_EQ(length_of(archetypes::Framed<double, 3>()), 0);
+  EXPECT_EQ(length_of(archetypes::FramedAndJointed<double, 3>()), 0);
 }
 
 /// Of J with its rows in metres divided by the reach.

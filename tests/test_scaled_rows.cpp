@@ -91,6 +91,20 @@ TEST(CharacteristicLengthOption, IsOneNumberForTheWholeController) {
   task::Manipulability<Tree> mu(robot, f, icat::Objective<double>::at_least(1e-3, 1e-3));
   icat::Controller<Tree> controller(robot, {{"go", {{mu}, {t}}}});
   EXPECT_NEAR(controller.characteristic_length(), 0.3, 1e-12);
+  // The longest of the tasks' frames; 1 without any, or where no joint turns one.
+  task::FramePosition<Tree> elbow(robot, robot.frame("link4"), {0, 0, 0});
+  task::FramePosition<Tree> both(robot, robot.frame("link4"), {0, 0, 0}, {.relative_to = f});
+  task::FramePosition<Tree> shoulder(robot, robot.frame("link2"), {0, 0, 0});
+  task::FrameOrientation<Tree> turned(robot, f, robot.pose(f).linear());
+  const auto length = [&](const icat::PriorityLevel<Tree>& tasks) {
+    return icat::Controller<Tree>(robot, {{"go", {tasks}}}).characteristic_length();
+  };
+  const double elbow_reach = 0.577 / maris_reach * 0.3;
+  EXPECT_NEAR(length({elbow}), elbow_reach, 1e-12);
+  EXPECT_NEAR(length({elbow, shoulder, turned}), elbow_reach, 1e-12);
+  EXPECT_NEAR(length({elbow, t}), 0.3, 1e-12);
+  EXPECT_NEAR(length({both}), 0.3, 1e-12);
+  EXPECT_EQ(length({shoulder, turned}), 1);
   EXPECT_NEAR(controller.levels()[0].row_scale(0), 1 / 0.027, 1e-9);
   const auto& scale = controller.levels()[1].row_scale;
   for (int i = 0; i < 6; ++i) EXPECT_NEAR(scale(i), i < 3 ? 1 / 0.3 : 1, 1e-12);

@@ -100,11 +100,11 @@ TEST(Tutorial, ARobotFromItsTable) {
   EXPECT_EQ(robot.frame_name(robot.base()), "chassis");
   icat::task::FramePosition position(robot, robot.frame("link6"), {0.5, 0, 0.8});
   //! [length]
-  const double usual = icat::characteristic_length(robot);  // 1 m: the arm is longer, on a base
-  icat::Controller controller(robot, {{"reach", {{position}}}}, {.characteristic_length = 1.5});
+  icat::Controller usual(robot, {{"reach", {{position}}}});  // 1 m: a longer arm, on wheels
+  icat::Controller other(robot, {{"reach", {{position}}}}, {.characteristic_length = 0.6});
   //! [length]
-  EXPECT_EQ(usual, 1);
-  EXPECT_EQ(controller.characteristic_length(), 1.5);
+  EXPECT_EQ(usual.characteristic_length(), 1);
+  EXPECT_EQ(other.characteristic_length(), 0.6);
   EXPECT_EQ(robot.pose(robot.frame("arm_base")).matrix(), where_it_sits.matrix());
 }
 
@@ -226,7 +226,8 @@ TEST(Tutorial, ALoopWithDelayWithinLimits) {
     arriving.erase(arriving.begin());
     arriving.push_back(q);
   }
-  EXPECT_LT((goal.translation() - robot.pose(tool).translation()).norm(), 1e-4);
+  // A joint rests in its margin, half active: 0.1 mm are left.
+  EXPECT_LT((goal.translation() - robot.pose(tool).translation()).norm(), 2e-4);
 }
 
 }  // namespace

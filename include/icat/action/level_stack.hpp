@@ -17,7 +17,6 @@
 #include "icat/action/transition.hpp"
 #include "icat/action/unified_hierarchy.hpp"
 #include "icat/core/step_clock.hpp"
-#include "icat/model/characteristic_length.hpp"
 
 namespace icat {
 
@@ -46,14 +45,14 @@ class LevelStack {
   using RobotLevel = Level<Scalar, R::size>;
 
   /// Computes the unified hierarchy of `actions`. `robot` and the tasks must outlive this object.
-  /// `max_step`: of the clock, s. `length`: L, m; none: that of the robot, see
-  /// characteristic_length.hpp.
+  /// `max_step`: of the clock, s. `length`: L, m; none: the largest of the tasks, 1
+  /// where they have none.
   /// @throws std::invalid_argument on bad actions (see `unified_hierarchy`), a task that belongs to
   ///         another robot, or a bad `max_step` or `length`.
   [[gnu::cold]] LevelStack(const R& robot, const std::vector<Action<R>>& actions, double max_step,
                            std::optional<Scalar> length)
       : robot_(robot),
-        length_(length ? *length : icat::characteristic_length(robot)),
+        length_(length ? *length : longest(actions)),
         clock_(max_step),
         hierarchy_(unified_hierarchy(checked(robot, actions))),
         transition_(count_entries()),
@@ -180,6 +179,15 @@ class LevelStack {
       }
     }
     return actions;
+  }
+  [[gnu::cold]] static Scalar longest(const std::vector<Action<R>>& actions) {
+    Scalar length(0);
+    for (const auto& action : actions) {
+      for (const auto& level : action.levels) {
+        for (const Task<R>& task : level) length = std::max(length, task.characteristic_length());
+      }
+    }
+    return length > Scalar(0) ? length : Scalar(1);
   }
   /// Rows `row`… of `level` are those of `task` with the phase activation `phase`.
   void stack(const Task<R>& task, double phase, RobotLevel& level, Index row) const noexcept {

@@ -67,8 +67,8 @@ class Controller {
     typename Solver::Options solver{};  ///< of the TPIK
     MotionLimits<R> limits{};           ///< the robot's own; or `icat::unlimited`
     TimeOptions time{};                 ///< late and bad input
-    /// L, m, by which rows in metres are divided for the solver; none: the robot's, see
-    /// characteristic_length.hpp. 1: rows as in the papers.
+    /// L, m, by which rows in metres are divided for the solver. None: the longest reach of the
+    /// tasks' frames, see characteristic_length.hpp. 1: rows as in the papers.
     std::optional<Scalar> characteristic_length = std::nullopt;
   };
 

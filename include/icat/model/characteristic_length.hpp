@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// The characteristic length L of a robot. Rows in metres are divided by it, so that singular
-/// values, and what they are compared with, do not depend on the robot's size.
+/// The characteristic length L: rows in metres are divided by it, so that singular values, and what
+/// they are compared with, do not depend on the robot's size. For a frame
 ///
-///     L = max over frames of Σ_k ‖x_{k−1} − x_k‖,  x₀ the frame's origin,
+///     L = Σ_k ‖x_{k−1} − x_k‖,  x₀ the frame's origin,
 ///         x_k the point nearest to x_{k−1} on the axis of the k-th joint from the frame to the
 ///         base
 ///
-/// That is the robot's reach: the lever of any joint is at most as long. A joint turns all x before
+/// That is the frame's reach: the lever of any joint is at most as long. A joint turns all x before
 /// it and leaves its own where it is, so L does not depend on the state. On slides it does: they
 /// count as they stand. In design L is what makes a condition number smallest (Khan and Angeles,
 /// 2006); the reach needs no search, and that of the papers' arm, which their σ_t is made for, is
@@ -45,49 +45,40 @@ struct ReachWay {
   }
 };
 
-template <class R>
-concept CountsFrames = FramedRobot<R> && requires(const R& robot, FrameId frame) {
-  FrameId(robot.frame_count(), robot.frame_name(frame));
-};
-
 }  // namespace detail
 
-/// L in metres, see the file comment; 1 for a robot that has no joints, does not count its frames,
-/// or reaches less than 1 mm. At most 1 where a slide or the base translates a frame: their columns
-/// are in m/s, of size 1, and divided by more they would be small. For configuration.
-template <Robot R>
-[[gnu::cold]] typename R::Scalar characteristic_length(const R& robot) {
+/// L of a frame in metres, see the file comment. 0 where no joint turns the frame, or less than
+/// 1 mm away from it, and for a robot without joints. At most 1 where a slide or the base
+/// translates the frame: their columns are in m/s, of size 1, and divided by more they would be
+/// small. Columns of the joints on the way from the base to the frame are in that order, as they
+/// are in every tree. For configuration.
+template <FramedRobot R>
+[[gnu::cold]] typename R::Scalar characteristic_length(const R& robot, FrameId frame) {
   using Scalar = typename R::Scalar;
-  Scalar longest(0);
-  bool translates = false;
-  if constexpr (detail::CountsFrames<R> && JointedRobot<R>) {
-    std::vector<Index> columns;
-    for (const auto& joint : robot.joints()) columns.push_back(joint.column);
-    std::sort(columns.begin(), columns.end());
-    for (Index f = 0; f < robot.frame_count(); ++f) {
-      detail::ReachWay<Scalar> way;
-      const auto visit = [&way](Index, const Vector3<Scalar>& linear,
-                                const Vector3<Scalar>& angular) { way.pass(linear, angular); };
-      if constexpr (requires { robot.for_each_joint_of(FrameId(f), visit); }) {
-        robot.for_each_joint_of(FrameId(f), visit);
-      } else {
-        const auto& J = robot.jacobian(FrameId(f));
-        for (std::size_t k = columns.size(); k-- > 0;) {
-          visit(columns[k], detail::column3(J, 0, columns[k]), detail::column3(J, 3, columns[k]));
-        }
+  detail::ReachWay<Scalar> way;
+  if constexpr (JointedRobot<R>) {
+    const auto visit = [&way](Index, const Vector3<Scalar>& linear,
+                              const Vector3<Scalar>& angular) { way.pass(linear, angular); };
+    if constexpr (requires { robot.for_each_joint_of(frame, visit); }) {
+      robot.for_each_joint_of(frame, visit);
+    } else {
+      std::vector<Index> columns;
+      for (const auto& joint : robot.joints()) columns.push_back(joint.column);
+      std::sort(columns.begin(), columns.end());
+      const auto& J = robot.jacobian(frame);
+      for (std::size_t k = columns.size(); k-- > 0;) {
+        visit(columns[k], detail::column3(J, 0, columns[k]), detail::column3(J, 3, columns[k]));
       }
-      longest = std::max(longest, way.length);
-      translates = translates || way.slides;
     }
   }
   if constexpr (MobileRobot<R>) {
     const auto& B = robot.base_motion();
     for (Index j = 0; j < B.cols(); ++j) {
-      for (Index i = 0; i < 3; ++i) translates = translates || B(i, j) != Scalar(0);
+      for (Index i = 0; i < 3; ++i) way.slides = way.slides || B(i, j) != Scalar(0);
     }
   }
-  if (!(longest >= Scalar(1e-3)) || (translates && longest > Scalar(1))) return Scalar(1);
-  return longest;
+  if (!(way.length >= Scalar(1e-3))) return Scalar(0);
+  return way.slides && way.length > Scalar(1) ? Scalar(1) : way.length;
 }
 
 }  // namespace icat

@@ -101,6 +101,7 @@ class ClearanceTask : public ReactiveTask<R> {
     }
     for (std::size_t i = 0; i < bodies_.size(); ++i) {
       this->require_frame(bodies_[i].frame);
+      this->measure_reach(bodies_[i].frame);
       require("body", static_cast<Index>(i), check(bodies_[i].shape));
       placed_.push_back(bodies_[i].shape);
     }

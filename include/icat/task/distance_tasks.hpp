@@ -66,9 +66,11 @@ class FrameDistance : public ScalarTask<R> {
         other_(other),
         point_(point),
         velocity_(detail::zeros<Vector3<Scalar>>(3)) {
-    this->set_length_power(0, 1, 1);
     this->require_frame(frame);
     if (other) this->require_frame(*other);
+    this->set_length_power(0, 1, 1);
+    this->measure_reach(frame);
+    if (other) this->measure_reach(*other);
     this->require_finite("point", point);
     if (other && *other == frame) {
       detail::invalid("task '", options.name, "': the distance of a frame to itself");

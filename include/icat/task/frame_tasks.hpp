@@ -90,7 +90,11 @@ class FrameGoal : public ReactiveTask<R> {
         goal_(goal),
         goal_velocity_(zeros<Vector6<Scalar>>(6)),
         frame_(robot, frame, reference, name) {
-    this->set_length_power(0, linear.rows(), 1);
+    if (linear.rows() > 0) {
+      this->set_length_power(0, linear.rows(), 1);
+      this->measure_reach(frame);
+      if (reference) this->measure_reach(*reference);
+    }
     this->require_rate("the largest linear rate", linear.max_rate);
     this->require_rate("the largest angular rate", angular.max_rate);
     if (!is_rigid(goal)) {
@@ -436,7 +440,11 @@ class FrameVelocity : public Task<R> {
       : Task<R>(robot, options.name, options.linear.count() + options.angular.count()),
         options_(options),
         frame_(robot, frame, options.relative_to, options.name) {
-    this->set_length_power(0, options.linear.count(), 1);
+    if (options.linear.count() > 0) {
+      this->set_length_power(0, options.linear.count(), 1);
+      this->measure_reach(frame);
+      if (options.relative_to) this->measure_reach(*options.relative_to);
+    }
   }
 
   /// [linear; angular] at the origin of ⟨f⟩, m/s, rad/s, of which the chosen axes count. NaN or

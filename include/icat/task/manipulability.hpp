@@ -150,7 +150,10 @@ class Manipulability : public ScalarTask<R> {
         place_(static_cast<std::size_t>(robot.dof()), Index{-1}),
         measure_(static_cast<Index>(chosen_.size())) {
     // With J's first three rows divided by L, μ is μ / L³; that of fewer joints has no such power.
-    if (chosen_.size() >= 6) this->set_length_power(0, 1, 3);
+    if (chosen_.size() >= 6) {
+      this->set_length_power(0, 1, 3);
+      this->measure_reach(frame);
+    }
     for (const Index c : joint_columns(robot)) joints_.push_back(c);
     std::sort(joints_.begin(), joints_.end());
     Index k = 0;

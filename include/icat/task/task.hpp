@@ -17,6 +17,7 @@
 
 #include "icat/core/status.hpp"
 #include "icat/math/spatial_algebra.hpp"
+#include "icat/model/characteristic_length.hpp"
 #include "icat/model/robot.hpp"
 #include "icat/task/objective.hpp"
 
@@ -60,6 +61,8 @@ class Task {
   Index length_power(Index row) const noexcept {
     return length_powers_[static_cast<std::size_t>(row)];
   }
+  /// The largest of the frames that its rows in metres are of, m; 0: none.
+  Scalar characteristic_length() const noexcept { return characteristic_length_; }
 
  protected:
   /// Rows are active, all else 0.
@@ -76,6 +79,11 @@ class Task {
   /// Of the `count` rows from `first` on; 0 unless said otherwise. For constructors.
   [[gnu::cold]] void set_length_power(Index first, Index count, Index power) {
     std::fill_n(length_powers_.begin() + first, count, power);
+  }
+  /// `frame` is one that rows in metres are of. For constructors.
+  [[gnu::cold]] void measure_reach(FrameId frame) requires FramedRobot<R> {
+    characteristic_length_ =
+        std::max(characteristic_length_, icat::characteristic_length(robot_, frame));
   }
 
   /// Fills `jacobian_`, `reference_` and `activation_`; what is not filled keeps its value.
@@ -118,6 +126,7 @@ class Task {
   std::string name_;
   Index rows_;
   std::vector<Index> length_powers_;
+  Scalar characteristic_length_{0};
 };
 
 /// A task with a gain γ.
