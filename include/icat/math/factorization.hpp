@@ -80,6 +80,39 @@ void fold(Index r, Index k, Panel<Scalar> rows, Panel<Scalar> triangle, Scalar* 
   }
 }
 
+/// An implicit QR step on the symmetric tridiagonal matrix from `start` to `end` (Golub & Van Loan,
+/// 8.3); column k of `vectors` has `rows` + k elements, n at most.
+template <class Scalar>
+void qr_step(Index start, Index end, Scalar* diagonal, Scalar* sub, Index rows, Index n,
+             Panel<Scalar> vectors) noexcept {
+  const Scalar half = (diagonal[end - 1] - diagonal[end]) / Scalar(2);
+  const Scalar e = sub[end - 1];
+  const Scalar h = std::sqrt(half * half + e * e);
+  const Scalar shift = diagonal[end] - e * (e / (half + (half >= Scalar(0) ? h : -h)));
+  Scalar x = diagonal[start] - shift;
+  Scalar z = sub[start];
+  for (Index k = start; k < end; ++k) {
+    const Scalar r2 = x * x + z * z;
+    if (!(r2 > std::numeric_limits<Scalar>::min())) break;
+    const Scalar r = std::sqrt(r2);
+    const Scalar inverse = r * (Scalar(1) / r2);  // Both long operations at a time.
+    const Scalar c = x * inverse;
+    const Scalar s = z * inverse;
+    const Scalar dk = diagonal[k], dk1 = diagonal[k + 1], ek = sub[k];
+    const Scalar w = s * (dk - dk1) - Scalar(2) * c * ek;
+    diagonal[k] = dk - s * w;
+    diagonal[k + 1] = dk1 + s * w;
+    sub[k] = -c * w - ek;
+    if (k > start) sub[k - 1] = r;
+    x = sub[k];
+    if (k + 1 < end) {
+      z = s * sub[k + 1];
+      sub[k + 1] *= c;
+    }
+    rotate(std::min(rows + k, n), c, s, vectors[k], vectors[k + 1]);
+  }
+}
+
 /// A rotation that makes [a c; c b] diagonal (Golub & Van Loan, 8.5); c is not zero.
 template <class Scalar>
 struct JacobiRotation {

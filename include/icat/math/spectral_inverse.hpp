@@ -40,40 +40,13 @@ class SpectralInverse {
   /// if anything overflowed.
   template <class Regularization>
   bool apply(Square s, Index n, const Scalar* b, Scalar* z, const Regularization& f) noexcept {
-    if (!prepare(s, n, Scalar(f.threshold))) return false;
-    std::fill_n(z, padded<Scalar>(n), Scalar(0));
-    if (large_) {
-      if (!rotate_all(s, f)) return false;
-      transposed_product(n, n, 1, vectors_, {const_cast<Scalar*>(b), 0}, {y_, 0});
-      solve<true>(y_, 1, 1);
-      product<Into::set, Scalar>(n, 1, n, vectors_, {y_, 1, 0}, {z, 0});
-      return std::isfinite(dot(n, z, z));
-    }
-    Scalar* v = householder_[0];
-    std::copy_n(b, n, v);
-    fill_up(n, v);
-    const auto first = Reflection<Scalar>::make(n, v, 0);
-    below_ = 0;
-    if (first.length == Scalar(0)) return true;
-    tau_[0] = first.tau;
-    update(s, 0, v, first.tau);
-    tridiagonalize(s, 1);
-    if (count_below(unit_ * Scalar(f.threshold)) == 0) {
-      rest_ = size_;
-      z[0] = first.length;
-      solve<true>(z, 1, 1);
-    } else {
-      set_identity();
-      if (!deflate(f, 2)) return false;
-      for (Index i = 0; i < size_; ++i) y_[i] = vectors_(0, i) * first.length;
-      solve<true>(y_, 1, 1);
-      product<Into::set, Scalar>(size_, 1, size_, vectors_, {y_, 1, 0}, {z, 0});
-      std::fill_n(z + size_, padded<Scalar>(n) - size_, Scalar(0));
-    }
-    for (Index i = reflections_; i-- > 0;) {
-      reflect_from(i, n_, tau_[i], householder_[i], z);
-    }
-    return std::isfinite(dot(n, z, z));
+    return evaluate<false>(s, n, b, z, f);
+  }
+  /// The same for `z = S f(S) b`: the identity but for eigenvalues below the threshold, so that no
+  /// digits are lost where f is large.
+  template <class Regularization>
+  bool filter(Square s, Index n, const Scalar* b, Scalar* z, const Regularization& f) noexcept {
+    return evaluate<true>(s, n, b, z, f);
   }
 
   /// `out` = the part of f(S) of eigenvalues from the threshold on, leading n × n, zeros after each
@@ -99,11 +72,11 @@ class SpectralInverse {
   /// `out` (n × k) += the part of the others times `in`. As one matrix they would lose digits: f is
   /// large there.
   void add_small(Index k, Square in, Square out) const noexcept {
-    for (Index c = 0; c < k; ++c) {
-      for (Index i = n_ - below_; i < n_; ++i) {
-        axpy(n_, value_[i] * dot(n_, vectors_[i], in[c]), vectors_[i], out[c]);
-      }
-    }
+    add_small(k, in, out, [&](Index i) { return value_[i]; });
+  }
+  /// `y` (n × k) ← S f(S) y
+  void filter(Index k, Square y) const noexcept {
+    add_small(k, y, y, [&](Index i) { return gain(i) - Scalar(1); });
   }
 
   /// How many eigenvalues of the last S, or of its part that the last b excites, lay below the
@@ -116,9 +89,63 @@ class SpectralInverse {
   Scalar gain(Index i) const noexcept { return diagonal_[i] * value_[i]; }
 
  private:
+  template <class Weight>
+  void add_small(Index k, Square in, Square out, Weight weight) const noexcept {
+    for (Index c = 0; c < k; ++c) {
+      for (Index i = n_ - below_; i < n_; ++i) {
+        axpy(n_, weight(i) * dot(n_, vectors_[i], in[c]), vectors_[i], out[c]);
+      }
+    }
+  }
+
   void set_identity() noexcept {
     clear(vectors_, n_);
     for (Index i = 0; i < n_; ++i) vectors_(i, i) = Scalar(1);
+  }
+
+  template <bool times_s, class Regularization>
+  bool evaluate(Square s, Index n, const Scalar* b, Scalar* z, const Regularization& f) noexcept {
+    if (!prepare(s, n, Scalar(f.threshold))) return false;
+    std::fill_n(z, padded<Scalar>(n), Scalar(0));
+    const auto function = [&](Scalar* y) {
+      if constexpr (times_s) {
+        for (Index i = rest_; i < size_; ++i) y[i] *= gain(i) / unit_;
+      } else {
+        solve<true>(y, 1, 1);
+      }
+    };
+    if (large_) {
+      if (!rotate_all(s, f)) return false;
+      for (Index i = 0; i < n; ++i) y_[i] = dot(n, vectors_[i], b);
+      function(y_);
+      product<Into::set, Scalar>(n, 1, n, vectors_, {y_, 1, 0}, {z, 0});
+      return std::isfinite(dot(n, z, z));
+    }
+    Scalar* v = householder_[0];
+    std::copy_n(b, n, v);
+    fill_up(n, v);
+    const auto first = Reflection<Scalar>::make(n, v, 0);
+    below_ = 0;
+    if (first.length == Scalar(0)) return true;
+    tau_[0] = first.tau;
+    update(s, 0, v, first.tau);
+    tridiagonalize(s, 1);
+    if (count_below(unit_ * Scalar(f.threshold)) == 0) {
+      rest_ = size_;
+      z[0] = first.length;
+      function(z);
+    } else {
+      set_identity();
+      if (!deflate(f, 2)) return false;
+      for (Index i = 0; i < size_; ++i) y_[i] = vectors_(0, i) * first.length;
+      function(y_);
+      product<Into::set, Scalar>(size_, 1, size_, vectors_, {y_, 1, 0}, {z, 0});
+      std::fill_n(z + size_, padded<Scalar>(n) - size_, Scalar(0));
+    }
+    for (Index i = reflections_; i-- > 0;) {
+      reflect_from(i, n_, tau_[i], householder_[i], z);
+    }
+    return std::isfinite(dot(n, z, z));
   }
 
   /// V and the eigenvalues below the threshold, by steps 1 to 3.
@@ -257,7 +284,7 @@ class SpectralInverse {
       if (steps-- == 0) return false;
       Index start = end - 1;
       while (start > 0 && !(std::abs(sub_[start - 1]) <= nothing)) --start;
-      qr_step(start, end, rows++);
+      qr_step(start, end, diagonal_, sub_, rows++, n_, vectors_);
     }
     rest_ = end + 1;
     return true;
@@ -313,35 +340,6 @@ class SpectralInverse {
       diagonal_[last] = std::max(diagonal_[last], Scalar(0)) / unit_;
     }
     below_ = size_ - last;
-  }
-
-  void qr_step(Index start, Index end, Index rows) noexcept {
-    const Scalar half = (diagonal_[end - 1] - diagonal_[end]) / Scalar(2);
-    const Scalar e = sub_[end - 1];
-    const Scalar h = std::sqrt(half * half + e * e);
-    const Scalar shift = diagonal_[end] - e * (e / (half + (half >= Scalar(0) ? h : -h)));
-    Scalar x = diagonal_[start] - shift;
-    Scalar z = sub_[start];
-    for (Index k = start; k < end; ++k) {
-      const Scalar r2 = x * x + z * z;
-      if (!(r2 > std::numeric_limits<Scalar>::min())) break;
-      const Scalar r = std::sqrt(r2);
-      const Scalar inverse = r * (Scalar(1) / r2);  // Both long operations at a time.
-      const Scalar c = x * inverse;
-      const Scalar s = z * inverse;
-      const Scalar dk = diagonal_[k], dk1 = diagonal_[k + 1], ek = sub_[k];
-      const Scalar w = s * (dk - dk1) - Scalar(2) * c * ek;
-      diagonal_[k] = dk - s * w;
-      diagonal_[k + 1] = dk1 + s * w;
-      sub_[k] = -c * w - ek;
-      if (k > start) sub_[k - 1] = r;
-      x = sub_[k];
-      if (k + 1 < end) {
-        z = s * sub_[k + 1];
-        sub_[k + 1] *= c;
-      }
-      rotate(std::min(rows + k, n_), c, s, vectors_[k], vectors_[k + 1]);
-    }
   }
 
   /// Columns y_0 … y_{size−1} ← what f(T) makes of them.

@@ -149,9 +149,8 @@ class PriorityIteration {
       product<Into::set>(r, r, m, level_.bt, transposed(level_.bt), btb);
       if (system().regular(btb, level_.rhs, z_)) {
         transposed_product(r, m, sides_, level_.bt, z_, y_);
-      } else if (system().reduces(m)) {
-        if (!system().reduced(m, level_.bt, level_.e, y_)) return false;
-      } else {
+      } else if (level_.regularized || !system().reduces(m) ||
+                 !system().reduced(m, level_.bt, level_.g, level_.e, y_)) {
         if (!system().full(btb, level_.rhs, z_)) return false;
         transposed_product(r, m, sides_, level_.bt, z_, y_);
       }
@@ -324,9 +323,12 @@ class PriorityIteration {
   bool close_with(Index n, Block z) noexcept {
     const auto& [s, factor, reflections, square, unused] = system().scratch;
     if (cholesky(n, level_.g, factor, threshold())) return true;
-    product<Into::set>(n, sides_, n, level_.g, elements(z), side_);
     copy(level_.g, s, n);
-    return system().regularize(s, n, side_, z, square);
+    for (Index c = 0; c < sides_; ++c) {
+      std::copy_n(z[c], n, side_[c]);
+      fill_up(n, side_[c]);
+    }
+    return system().filter(s, n, side_, z, square);
   }
 
   LevelRows<Scalar, Regularization> level_;

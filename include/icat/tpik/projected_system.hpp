@@ -48,14 +48,15 @@ class ProjectedSystem {
   void reset() noexcept { small_eigenvalues_ = false; }
 
   /// Rows that are independent of the partial ones, m + p ≤ r: then z can satisfy both, and B z =
-  /// e. It is certain where K_v > 0, G = BBᵀ ≥ σ_t and VᵀV − σ_t K_v⁻¹ − VᵀBᵀ (G − σ_t I)⁻¹ B V >
-  /// 0, of which (G − σ_t I)⁻¹ ≤ G⁻¹ + σ_t / (1 − σ_t tr G⁻¹) G⁻². `f` is G⁻¹.
+  /// e. It is certain where K_v = L Lᵀ, G = BBᵀ ≥ σ_t and Lᵀ (VᵀV − VᵀBᵀ (G − σ_t I)⁻¹ B V) L >
+  /// σ_t, of which (G − σ_t I)⁻¹ ≤ G⁻¹ + σ_t / (1 − σ_t tr G⁻¹) G⁻². `f` is G⁻¹.
   bool independent(Index m, Block jt, Block f) noexcept {
     const Index r = projector.free(), p = projector.partial();
     if (m + p > r || small_eigenvalues_) return false;
     const Scalar rest = Scalar(1) - sigma_ * trace(m, f);
-    const auto& [kv, bv, fbv, s, product_] = scratch;
-    if (!(rest > Scalar(0)) || !set_kv(kv) || !invert(p, kv, Scalar(0))) return false;
+    const auto& [s, bv, fbv, l, product_] = scratch;
+    if (!(rest > Scalar(0)) || !set_kv(s) || !cholesky(p, s, product_)) return false;
+    explicit_factor(p, product_, l);
     transposed_product(r, m, p, jt, projector.v(), bv);
     product<Into::set>(m, p, m, f, elements(bv), fbv);
     transposed_product(m, p, p, bv, fbv, product_);
@@ -63,11 +64,10 @@ class ProjectedSystem {
       combine(p, Scalar(-1), product_[j], Scalar(1), projector.v_gram()[j], s[j]);
     }
     gram(m, p, fbv, product_);
-    for (Index j = 0; j < p; ++j) {
-      axpy(p, -sigma_ / rest, product_[j], s[j]);
-      axpy(p, -sigma_, kv[j], s[j]);
-    }
-    return cholesky(p, s, product_);
+    for (Index j = 0; j < p; ++j) axpy(p, -sigma_ / rest, product_[j], s[j]);
+    product<Into::set>(p, p, p, s, elements(l), product_);
+    transposed_product(p, p, p, l, product_, s);
+    return cholesky(p, s, product_, sigma_);
   }
 
   /// z = M⁻¹ `rhs` by Cholesky factors, where BᵀB + V K_v Vᵀ − σ_t I has one. `btb` is BᵀB.
@@ -125,44 +125,47 @@ class ProjectedSystem {
     return true;
   }
 
-  /// Whether the span of the rows, the partial ones and what U has on taken axes is so much smaller
-  /// than M that finding it pays.
+  /// Whether M has less than full rank by counting its rows.
   bool reduces(Index m) const noexcept {
-    const Index p = projector.partial(), d = m + p;
-    return !projector.dense() && d <= projector.free() &&
-           3 * (d + taken_rank()) <= 2 * projector.reach();
+    return !projector.dense() && m + projector.partial() + taken_rank() < projector.reach();
   }
-  /// y = B z with f(M) evaluated on that span: with Y R = [V Bᵀ], Y orthonormal, and R_tᵀR_t = K_t,
-  /// M is [R_B R_Bᵀ + η R_V K R_Vᵀ, η R_V R_tᵀ; η R_t R_Vᵀ, η I] there.
-  bool reduced(Index m, Block jt, Block e, Block y) noexcept {
-    const Index r = projector.free(), p = projector.partial(), d = m + p, q = taken_rank();
-    const auto& [system, triangle, reflections, rk, unused] = scratch;
+  /// y = B z. M = F Fᵀ with F = [Bᵀ, √η V L₀, √η V R_tᵀ; 0, 0, √η I], K₀ = L₀ L₀ᵀ, K_t = R_tᵀ R_t,
+  /// so that with S = FᵀF, which is smaller, y is the upper part of S f(S) [e; 0]. `g` is
+  /// BBᵀ ≥ σ_t: where B has smaller singular values, y would lose digits that B z keeps.
+  bool reduced(Index m, Block jt, Block g, Block e, Block y) noexcept {
+    const Index r = projector.free(), p = projector.partial(), q = taken_rank(), w = p + q;
+    const auto& [s, bv, factors, bvw, work] = scratch;
     projector.weigh();
-    copy(projector.v(), triangle, p);
-    copy(jt, triangle.from(p), m);
-    triangularize(r, d, triangle, reflections, tau_);
-    const Block rows = triangle.from(p);
-    product<Into::set>(d, d, m, rows, transposed(rows), system);
-    add_weighted(d, triangle, projector.k_free(), eta_, rk, system);
-    if (taken()) {
-      add_weighted(d, triangle, projector.k_taken(), eta_, rk, system);
-      projector.copy_taken(rk);
-      triangularize(projector.reach() - r, p, rk, reflections, tau_);
-      for (Index i = 0; i < q; ++i) {
-        clear(system.from(d + i), 1);
-        for (Index j = 0; j < d; ++j) {
-          Scalar sum(0);
-          for (Index l = 0; l < p; ++l) sum += rk(i, l) * triangle(j, l);
-          system(d + i, j) = system(j, d + i) = eta_ * sum;
-        }
-        system(d + i, d + i) = eta_;
-      }
-      for (Index j = 0; j < d + q; ++j) fill_up(d + q, system[j]);
+    if (!cholesky(p, projector.k_free(), work)) return false;
+    explicit_factor(p, work, factors);
+    if (q > 0) {
+      projector.copy_taken(work);
+      triangularize(projector.reach() - r, p, work, bv, tau_);
+      transpose(q, p, work, factors.from(p));
     }
-    clear(other_, sides_);
-    product<Into::set>(d, sides_, m, rows, elements(e), other_);
-    if (!spectrally(system, d + q, other_, side_, reflections)) return false;
-    transposed_product(d, m, sides_, rows, side_, y);
+    for (Index j = 0; j < w; ++j) scale(p, std::sqrt(eta_), factors[j], factors[j]);
+    transposed_product(r, m, p, jt, projector.v(), bv);
+    product<Into::set>(m, w, p, bv, elements(factors), bvw);
+    product<Into::set>(p, w, p, projector.v_gram(), elements(factors), work);
+    transposed_product(p, w, w, factors, work, bv);
+    for (Index j = 0; j < m; ++j) std::copy_n(g[j], m, s[j]);
+    for (Index j = 0; j < w; ++j) {
+      for (Index i = 0; i < m; ++i) s(i, m + j) = s(m + j, i) = bvw(i, j);
+      std::copy_n(bv[j], w, s[m + j] + m);
+      if (j >= p) s(m + j, m + j) += eta_;
+    }
+    for (Index j = 0; j < m + w; ++j) fill_up(m + w, s[j]);
+    for (Index c = 0; c < sides_; ++c) {
+      std::copy_n(e[c], m, other_[c]);
+      std::fill_n(other_[c] + m, w, Scalar(0));
+      fill_up(m + w, other_[c]);
+    }
+    if (!filter(s, m + w, other_, side_, work)) return false;
+    small_eigenvalues_ = spectral.below() > 0;
+    for (Index c = 0; c < sides_; ++c) {
+      std::copy_n(side_[c], m, y[c]);
+      fill_up(m, y[c]);
+    }
     return true;
   }
 
@@ -171,13 +174,19 @@ class ProjectedSystem {
     const Index r = projector.free(), b = projector.reach(), p = projector.partial();
     const auto& [m, product_, out, unused, unused_] = scratch;
     Block uv = projector.u();
-    if (!projector.dense()) {
+    if (projector.dense()) {
+      projector.weigh();
+      for (Index j = 0; j < r; ++j) {
+        combine(r, eta_, projector.k_free()[j], Scalar(1), btb[j], m[j]);
+        if (taken()) axpy(r, eta_, projector.k_taken()[j], m[j]);
+      }
+    } else {
       product<Into::set>(b, r, p, uv, transposed(projector.v()), product_);
       uv = product_;
+      gram(b, r, uv, m);
+      for (Index j = 0; j < r; ++j) combine(r, eta_, m[j], Scalar(1), btb[j], m[j]);
     }
-    gram(b, r, uv, m);
     for (Index j = 0; j < r; ++j) {
-      combine(r, eta_, m[j], Scalar(1), btb[j], m[j]);
       for (Index i = r; i < b; ++i) m(i, j) = eta_ * uv(i, j);
       fill_up(b, m[j]);
     }
@@ -190,12 +199,13 @@ class ProjectedSystem {
     return spectrally(m, b, rhs, z, out);
   }
 
-  /// out = f(s) in (n × sides); `s` is overwritten.
-  bool regularize(Block s, Index n, Block in, Block out, Block square) noexcept {
-    if (sides_ == 1) return spectral.apply(s, n, in.data, out.data, regularization);
+  /// out = s f(s) in (n × sides); `s` is overwritten, `square` scratch.
+  bool filter(Block s, Index n, Block in, Block out, Block square) noexcept {
+    if (sides_ == 1) return spectral.filter(s, n, in.data, out.data, regularization);
     if (!spectral.compute(s, n, square, regularization)) return false;
-    product<Into::set>(n, sides_, n, square, elements(in), out);
-    spectral.add_small(sides_, in, out);
+    copy(in, out, sides_);
+    for (Index c = 0; c < sides_; ++c) fill_up(n, out[c]);
+    spectral.filter(sides_, out);
     return true;
   }
   /// z = (l lᵀ)⁻¹ rhs
@@ -236,8 +246,15 @@ class ProjectedSystem {
     }
     return true;
   }
+  /// z = f(m) rhs; `m` is overwritten, `square` scratch.
   bool spectrally(Block m, Index n, Block rhs, Block z, Block square) noexcept {
-    if (!regularize(m, n, rhs, z, square)) return false;
+    if (sides_ == 1) {
+      if (!spectral.apply(m, n, rhs.data, z.data, regularization)) return false;
+    } else {
+      if (!spectral.compute(m, n, square, regularization)) return false;
+      product<Into::set>(n, sides_, n, square, elements(rhs), z);
+      spectral.add_small(sides_, rhs, z);
+    }
     small_eigenvalues_ = spectral.below() > 0;
     return true;
   }
