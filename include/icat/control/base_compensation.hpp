@@ -122,7 +122,7 @@ class BaseCompensation {
 
   Status take(const Velocity& measured) noexcept {
     if (measured.size() != tpik_.measured().size()) return Status::wrong_size;
-    for (Index c = 0; c < measured.size(); ++c) tpik_.measured()(c) = measured(c);
+    detail::copy(measured, tpik_.measured());
     return Status::ok;
   }
   Status run_law(std::span<const Level<Scalar, R::size>> levels) noexcept {
@@ -162,7 +162,7 @@ class BaseCompensation {
 
   detail::GivenTpik<R, Regularization> tpik_;
   ColumnRange base_;
-  std::vector<Index> columns_;  // those that are not the base's
+  detail::List<Index> columns_;  // those that are not the base's
   Law law_;
   VelocityBounds<Scalar, Eigen::Dynamic> bounds_;
   JointVelocity joint_velocity_, wanted_, reference_;
