@@ -56,11 +56,11 @@ class MotionLimits {
     Scalar max_velocity{infinity<Scalar>};      ///< of every joint; its own where that is less
     Scalar max_acceleration{infinity<Scalar>};  ///< likewise
     /// In place of what the robot says of the joints of these names.
-    std::vector<JointInfo<Scalar>> joints = std::initializer_list<JointInfo<Scalar>>{};
+    std::vector<JointInfo<Scalar>> joints = EmptyList{};
     /// Of the base's columns, one each, > 0, or none: m/s, rad/s.
-    std::vector<Scalar> base_velocity = std::initializer_list<Scalar>{};
+    std::vector<Scalar> base_velocity = EmptyList{};
     /// Likewise, m/s², rad/s².
-    std::vector<Scalar> base_acceleration = std::initializer_list<Scalar>{};
+    std::vector<Scalar> base_acceleration = EmptyList{};
   };
 
   /// Those of the robot it will be used for; nothing else may be asked of it but `of`.

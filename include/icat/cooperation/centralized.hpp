@@ -158,7 +158,7 @@ class CentralizedController {
   Status all(F f) noexcept {
     Status first = Status::ok;
     for (auto& part : parts_) {
-      const Status status = f(*part);
+      const Status status = f(part);
       if (first == Status::ok) first = status;
     }
     return first;

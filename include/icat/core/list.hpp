@@ -15,21 +15,21 @@ template <class T>
 class List {
  public:
   List() {}
-  explicit List(std::size_t size) : elements_(new T[size]()), size_(size), room_(size) {}
+  [[gnu::noinline]] explicit List(std::size_t size)
+      : elements_(new T[size]()), size_(size), room_(size) {}
   List(std::size_t size, const T& value) : List(size) { fill(value); }
-  List(const List& other) : List(other.size_) {
+  [[gnu::noinline]] List(const List& other) : List(other.size_) {
     for (std::size_t i = 0; i < size_; ++i) elements_[i] = other.elements_[i];
   }
-  List(List&& other) noexcept
-      : elements_(other.elements_), size_(other.size_), room_(other.room_) {
+  List(List&& other) noexcept : elements_(other.elements_), size_(other.size_), room_(other.room_) {
     other.elements_ = nullptr;
     other.size_ = other.room_ = 0;
   }
-  List& operator=(List other) noexcept {
+  [[gnu::noinline]] List& operator=(List other) noexcept {
     swap(other);
     return *this;
   }
-  ~List() { delete[] elements_; }
+  [[gnu::noinline]] ~List() { delete[] elements_; }
 
   std::size_t size() const noexcept { return size_; }
   T& operator[](std::size_t i) noexcept { return elements_[i]; }
@@ -45,7 +45,7 @@ class List {
     for (std::size_t i = 0; i < size_; ++i) elements_[i] = value;
   }
   void clear() noexcept { size_ = 0; }
-  void push_back(T element) {
+  [[gnu::noinline]] void push_back(T element) {
     if (size_ == room_) {
       List larger(2 * size_ + 4);
       for (std::size_t i = 0; i < size_; ++i) larger.elements_[i] = std::move(elements_[i]);

@@ -74,9 +74,9 @@ class JointTask : public ReactiveTask<R> {
     }
     for (Index k = 0; k < values.size(); ++k) {
       if (!(values[k] > Scalar(0))) {
-        std::string whose = "all joints";
-        if (!values.for_all()) whose.assign("joint '").append(joint(k).name).append("'");
-        invalid("task '", this->name(), "': ", what, " of ", whose, " must be > 0, got ",
+        const bool all = values.for_all();
+        invalid("task '", this->name(), "': ", what, all ? " of all joints" : " of joint '",
+                all ? std::string_view() : joint(k).name, all ? "" : "'", " must be > 0, got ",
                 values[k]);
       }
     }
