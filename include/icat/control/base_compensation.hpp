@@ -35,6 +35,8 @@ class BaseCompensation {
       : tpik_(robot, options, given),
         base_(robot.base_columns()),
         law_(joints(robot), {options.regularization, options.projection_weight}),
+        bounds_{detail::zeros<JointVelocity>(robot.dof() - base_.count),
+                detail::zeros<JointVelocity>(robot.dof() - base_.count)},
         joint_velocity_(detail::zeros<JointVelocity>(robot.dof() - base_.count)),
         wanted_(joint_velocity_) {
     for (Index c = 0; c < robot.dof(); ++c) {
@@ -48,7 +50,6 @@ class BaseCompensation {
     for (const auto& level : levels) rows = std::max(rows, level.jacobian.rows());
     split_.resize(rows, joint_velocity_.size() + 6);
     reference_.resize(rows);
-    bounds_.lower = bounds_.upper = joint_velocity_;
     for (std::size_t k = 0; k < columns_.size(); ++k) {
       bounds_.lower(static_cast<Index>(k)) = options.bounds.lower_of(columns_[k]);
       bounds_.upper(static_cast<Index>(k)) = options.bounds.upper_of(columns_[k]);

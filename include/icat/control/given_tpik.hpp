@@ -28,8 +28,8 @@ class GivenTpik {
         rho0_(measured_),
         start_(identity<typename Solver::SquareN>(robot.dof())),
         given_(static_cast<std::size_t>(robot.dof())),
-        fixed_(options.bounds) {
-    bounds_.lower = bounds_.upper = measured_;
+        fixed_(options.bounds),
+        bounds_{measured_, measured_} {
     check_columns("the given columns", given, robot.dof());
     for (const Index c : given) set_given(c, true);
   }

@@ -168,11 +168,10 @@ class MotionLimits {
       : reaction_time_(reaction_time),
         columns_(static_cast<std::size_t>(dof)),
         history_(dof, checked(reaction_time)),
+        bounds_{detail::zeros<Velocity>(dof), detail::zeros<Velocity>(dof)},
         lower_(detail::zeros<Velocity>(dof)),
         upper_(lower_),
         command_(lower_) {
-    bounds_.lower = lower_;
-    bounds_.upper = upper_;
     for (Index c = 0; c < dof; ++c) free(c);
   }
   static double checked(double reaction_time) {

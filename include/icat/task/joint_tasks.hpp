@@ -149,8 +149,7 @@ class JointLimits : public detail::JointTask<R> {
       : detail::JointTask<R>(robot, options.name, options.joints, false, options.gain),
         max_rate_(options.max_rate),
         to_middle_(options.to_middle),
-        objectives_(static_cast<std::size_t>(this->joint_count()),
-                    Objective<Scalar>::equal_to(Scalar(0))) {
+        objectives_(static_cast<std::size_t>(this->joint_count())) {
     this->check("margin", options.margin);
     this->check("max_rate", options.max_rate);
     for (Index k = 0; k < this->joint_count(); ++k) {
@@ -226,7 +225,7 @@ class JointLimits : public detail::JointTask<R> {
 
   PerJoint<Scalar> max_rate_;
   bool to_middle_;
-  std::vector<Objective<Scalar>> objectives_;
+  detail::List<Objective<Scalar>> objectives_;
 };
 
 /// Joints to positions q*, such as an arm's preferred shape [Coop, II-D2], [MARIS, III-B7]:
