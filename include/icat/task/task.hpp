@@ -135,8 +135,8 @@ class ReactiveTask : public Task<R> {
 
   /// Row `i` controls the scalar x, whose Jacobian the caller writes. `fade` in [0, 1] is a factor
   /// of its activation.
-  void set_scalar(Index i, Scalar x, const Objective<Scalar>& objective, Scalar max_rate,
-                  Scalar fade = Scalar(1)) noexcept {
+  [[gnu::noinline]] void set_scalar(Index i, Scalar x, const Objective<Scalar>& objective,
+                                    Scalar max_rate, Scalar fade = Scalar(1)) noexcept {
     this->reference_(i) = std::clamp(gain_ * (objective.target(x) - x), -max_rate, max_rate);
     this->activation_(i) = fade * objective.activation(x);
   }
