@@ -91,17 +91,18 @@ Elements<Scalar> transposed(Panel<Scalar> p) noexcept {
 }
 
 template <class Scalar>
-void clear(Panel<Scalar> p, Index columns) noexcept {
+[[gnu::noinline]] void clear(Panel<Scalar> p, Index columns) noexcept {
   std::fill_n(p.data, columns * p.stride, Scalar(0));
 }
 template <class Scalar>
-void copy(Panel<Scalar> from, Panel<Scalar> to, Index columns) noexcept {
+[[gnu::noinline]] void copy(Panel<Scalar> from, Panel<Scalar> to, Index columns) noexcept {
   std::copy_n(from.data, columns * from.stride, to.data);
 }
 
 /// out (cols × rows) = pᵀ, p: rows × cols
 template <class Scalar>
-void transpose(Index rows, Index cols, Panel<Scalar> p, Panel<Scalar> out) noexcept {
+[[gnu::noinline]] void transpose(Index rows, Index cols, Panel<Scalar> p,
+                                 Panel<Scalar> out) noexcept {
   for (Index i = 0; i < rows; ++i) {
     for (Index j = 0; j < cols; ++j) out(j, i) = p(i, j);
     fill_up(cols, out[i]);
@@ -143,8 +144,8 @@ inline void product_block(Index depth, const Scalar* a, Index lda, Elements<Scal
 /// `c (rows × cols) = a (rows × depth) b (depth × cols)`, or added to or subtracted from c. Whole
 /// packets of rows are computed. `c` must not overlap `a` or `b`.
 template <Into into, class Scalar>
-void product(Index rows, Index cols, Index depth, Panel<Scalar> a, Elements<Scalar> b,
-             Panel<Scalar> c) noexcept {
+[[gnu::noinline]] void product(Index rows, Index cols, Index depth, Panel<Scalar> a,
+                               Elements<Scalar> b, Panel<Scalar> c) noexcept {
   constexpr Index size = Simd<Scalar>::size;
   Index i = 0;
   const auto sweep = [&]<int R>(std::integral_constant<int, R>) {
@@ -179,7 +180,7 @@ inline Scalar dot(Index rows, const Scalar* a, const Scalar* b) noexcept {
 
 /// No NaN and no infinity among `n` elements.
 template <class Scalar>
-inline bool all_finite(Index n, const Scalar* x) noexcept {
+[[gnu::noinline]] bool all_finite(Index n, const Scalar* x) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   constexpr Index size = Simd<Scalar>::size;
@@ -209,8 +210,8 @@ inline void dots(Index rows, Panel<Scalar> a, const Scalar* x, Scalar* out) noex
 
 /// `c (k × l) = aᵀ b`
 template <class Scalar>
-void transposed_product(Index rows, Index k, Index l, Panel<Scalar> a, Panel<Scalar> b,
-                        Panel<Scalar> c) noexcept {
+[[gnu::noinline]] void transposed_product(Index rows, Index k, Index l, Panel<Scalar> a,
+                                          Panel<Scalar> b, Panel<Scalar> c) noexcept {
   for (Index j = 0; j < l; ++j) {
     Index i = 0;
     for (; i + 4 <= k; i += 4) dots<4>(rows, a.from(i), b[j], c[j] + i);
@@ -221,7 +222,7 @@ void transposed_product(Index rows, Index k, Index l, Panel<Scalar> a, Panel<Sca
 
 /// `c (k × k) = aᵀ a`
 template <class Scalar>
-void gram(Index rows, Index k, Panel<Scalar> a, Panel<Scalar> c) noexcept {
+[[gnu::noinline]] void gram(Index rows, Index k, Panel<Scalar> a, Panel<Scalar> c) noexcept {
   for (Index j = 0; j < k; ++j) {
     Index i = j;
     for (; i + 4 <= k; i += 4) dots<4>(rows, a.from(i), a[j], c[j] + i);
@@ -244,8 +245,8 @@ inline void axpy(Index rows, Scalar s, const Scalar* x, Scalar* y) noexcept {
 
 /// `out = s x + t y`, which may be one of x and y.
 template <class Scalar>
-inline void combine(Index rows, Scalar s, const Scalar* x, Scalar t, const Scalar* y,
-                    Scalar* out) noexcept {
+[[gnu::noinline]] void combine(Index rows, Scalar s, const Scalar* x, Scalar t, const Scalar* y,
+                               Scalar* out) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   const Packet ps = pset1<Packet>(s), pt = pset1<Packet>(t);
@@ -265,10 +266,36 @@ inline void scale(Index rows, Scalar s, const Scalar* x, Scalar* y) noexcept {
   }
 }
 
+/// `to += s from`, `k` columns.
+template <class Scalar>
+[[gnu::noinline]] void add(Index rows, Index k, Scalar s, Panel<Scalar> from,
+                           Panel<Scalar> to) noexcept {
+  for (Index c = 0; c < k; ++c) axpy(rows, s, from[c], to[c]);
+}
+/// `to = s from`, `k` columns; they may be the same.
+template <class Scalar>
+[[gnu::noinline]] void scale(Index rows, Index k, Scalar s, Panel<Scalar> from,
+                             Panel<Scalar> to) noexcept {
+  for (Index c = 0; c < k; ++c) scale(rows, s, from[c], to[c]);
+}
+
+/// `out += s v vᵀ in`, `k` columns; `in` and `out` may be the same.
+template <class Scalar>
+[[gnu::noinline]] void add_projection(Index rows, Scalar s, const Scalar* v, Index k,
+                                      Panel<Scalar> in, Panel<Scalar> out) noexcept {
+  for (Index c = 0; c < k; ++c) axpy(rows, s * dot(rows, v, in[c]), v, out[c]);
+}
+/// `out += s v wᵀ`, `k` columns; elements of w are `step` apart.
+template <class Scalar>
+[[gnu::noinline]] void add_outer(Index rows, Index k, Scalar s, const Scalar* v, const Scalar* w,
+                                 Index step, Panel<Scalar> out) noexcept {
+  for (Index c = 0; c < k; ++c) axpy(rows, s * w[c * step], v, out[c]);
+}
+
 /// `s −= v wᵀ + w vᵀ` in the columns from `first` to n and whole packets of rows from `top`.
 template <class Scalar>
-void subtract_symmetric(Index first, Index top, Index n, const Scalar* v, const Scalar* w,
-                        Panel<Scalar> s) noexcept {
+[[gnu::noinline]] void subtract_symmetric(Index first, Index top, Index n, const Scalar* v,
+                                          const Scalar* w, Panel<Scalar> s) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   for (Index c = first; c < n; ++c) {
@@ -283,7 +310,7 @@ void subtract_symmetric(Index first, Index top, Index n, const Scalar* v, const 
 
 /// (a, b) ← (c a + s b, c b − s a)
 template <class Scalar>
-inline void rotate(Index rows, Scalar c, Scalar s, Scalar* a, Scalar* b) noexcept {
+[[gnu::noinline]] void rotate(Index rows, Scalar c, Scalar s, Scalar* a, Scalar* b) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   const Packet pc = pset1<Packet>(c), ps = pset1<Packet>(s);

@@ -40,13 +40,13 @@ class SpectralInverse {
   /// if anything overflowed.
   template <class Regularization>
   bool apply(Square s, Index n, const Scalar* b, Scalar* z, const Regularization& f) noexcept {
-    return evaluate<false>(s, n, b, z, f);
+    return evaluate(false, s, n, b, z, f);
   }
   /// The same for `z = S f(S) b`: the identity but for eigenvalues below the threshold, so that no
   /// digits are lost where f is large.
   template <class Regularization>
   bool filter(Square s, Index n, const Scalar* b, Scalar* z, const Regularization& f) noexcept {
-    return evaluate<true>(s, n, b, z, f);
+    return evaluate(true, s, n, b, z, f);
   }
 
   /// `out` = the part of f(S) of eigenvalues from the threshold on, leading n × n, zeros after each
@@ -91,10 +91,8 @@ class SpectralInverse {
  private:
   template <class Weight>
   void add_small(Index k, Square in, Square out, Weight weight) const noexcept {
-    for (Index c = 0; c < k; ++c) {
-      for (Index i = n_ - below_; i < n_; ++i) {
-        axpy(n_, weight(i) * dot(n_, vectors_[i], in[c]), vectors_[i], out[c]);
-      }
+    for (Index i = n_ - below_; i < n_; ++i) {
+      add_projection(n_, weight(i), vectors_[i], k, in, out);
     }
   }
 
@@ -103,12 +101,13 @@ class SpectralInverse {
     for (Index i = 0; i < n_; ++i) vectors_(i, i) = Scalar(1);
   }
 
-  template <bool times_s, class Regularization>
-  bool evaluate(Square s, Index n, const Scalar* b, Scalar* z, const Regularization& f) noexcept {
+  template <class Regularization>
+  bool evaluate(bool times_s, Square s, Index n, const Scalar* b, Scalar* z,
+                const Regularization& f) noexcept {
     if (!prepare(s, n, Scalar(f.threshold))) return false;
     std::fill_n(z, padded<Scalar>(n), Scalar(0));
     const auto function = [&](Scalar* y) {
-      if constexpr (times_s) {
+      if (times_s) {
         for (Index i = rest_; i < size_; ++i) y[i] *= gain(i) / unit_;
       } else {
         solve<true>(y, 1, 1);
@@ -116,10 +115,10 @@ class SpectralInverse {
     };
     if (large_) {
       if (!rotate_all(s, f)) return false;
-      for (Index i = 0; i < n; ++i) y_[i] = dot(n, vectors_[i], b);
+      transposed_product(n, n, 1, vectors_, {const_cast<Scalar*>(b), 0}, {y_, 0});
       function(y_);
       product<Into::set, Scalar>(n, 1, n, vectors_, {y_, 1, 0}, {z, 0});
-      return std::isfinite(dot(n, z, z));
+      return all_finite(n, z);
     }
     Scalar* v = householder_[0];
     std::copy_n(b, n, v);
@@ -143,9 +142,9 @@ class SpectralInverse {
       std::fill_n(z + size_, padded<Scalar>(n) - size_, Scalar(0));
     }
     for (Index i = reflections_; i-- > 0;) {
-      reflect_from(i, n_, tau_[i], householder_[i], z);
+      reflect_from(i, n_, tau_[i], householder_[i], 1, {z, 0});
     }
-    return std::isfinite(dot(n, z, z));
+    return all_finite(n, z);
   }
 
   /// V and the eigenvalues below the threshold, by steps 1 to 3.
@@ -155,9 +154,7 @@ class SpectralInverse {
     count_below(unit_ * Scalar(f.threshold));
     set_identity();
     for (Index i = reflections_; i-- > 0;) {
-      for (Index j = i + 1; j < n_; ++j) {
-        reflect_from(i + 1, n_, tau_[i], householder_[i], vectors_[j]);
-      }
+      reflect_from(i + 1, n_, tau_[i], householder_[i], n_ - i - 1, vectors_.from(i + 1));
     }
     return deflate(f, n_);
   }
@@ -191,7 +188,7 @@ class SpectralInverse {
       const int exponent = std::clamp(std::ilogb(scale_), std::numeric_limits<Scalar>::min_exponent,
                                       std::numeric_limits<Scalar>::max_exponent - 3);
       unit_ = std::ldexp(Scalar(1), -exponent);
-      for (Index j = 0; j < n; ++j) scale(n, unit_, s[j], s[j]);
+      scale(n, n, unit_, s, s);
       scale_ *= unit_;
     }
     return true;

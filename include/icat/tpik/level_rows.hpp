@@ -71,18 +71,14 @@ class LevelRows {
   /// out = f(S) in, S = g. Large values of f must not meet the rounding of others.
   void invert(Block in, Block out) const noexcept {
     detail::product<Into::set>(rank, sides_, rank, f, elements(in), out);
-    for (Index c = 0; c < sides_; ++c) {
-      for (Index i = rank - below; i < rank; ++i) {
-        axpy(rank, inverses[i] * dot(rank, basis[i], in[c]), basis[i], out[c]);
-      }
+    for (Index i = rank - below; i < rank; ++i) {
+      add_projection(rank, inverses[i], basis[i], sides_, in, out);
     }
   }
   /// y ← S f(S) y, S = g: the identity but for the eigenvalues below the threshold.
   void filter(Block y) const noexcept {
-    for (Index c = 0; c < sides_; ++c) {
-      for (Index i = rank - below; i < rank; ++i) {
-        axpy(rank, (gains[i] - Scalar(1)) * dot(rank, basis[i], y[c]), basis[i], y[c]);
-      }
+    for (Index i = rank - below; i < rank; ++i) {
+      add_projection(rank, gains[i] - Scalar(1), basis[i], sides_, y, y);
     }
   }
 
@@ -210,7 +206,7 @@ class LevelRows {
         const Block v = basis.from(i), rv = work, w = work.from(1);
         transposed_product(k, k, 1, weighted_triangle(), v, rv);
         product<Into::set>(k, 1, k, weighted_triangle(), elements(rv), w);
-        for (Index j = 0; j < k; ++j) axpy(k, spectral.inverse(i) * w(j, 0), v[0], change[j]);
+        add_outer(k, k, spectral.inverse(i), v[0], w[0], 1, change);
       }
     }
     return true;

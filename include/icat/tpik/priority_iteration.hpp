@@ -303,9 +303,7 @@ class PriorityIteration {
       }
       copy(level_.g, m, d);
       system().add_weighted(d, triangle_, q().k_free(), eta_, rk, m);
-      for (Index c = 0; c < sides_; ++c) {
-        for (Index i = 0; i < d; ++i) reflect_from(i, r, tau[i], reflections[i], level_.e[c]);
-      }
+      for (Index i = 0; i < d; ++i) reflect_from(i, r, tau[i], reflections[i], sides_, level_.e);
       if (!cholesky(d, m, factor)) return false;
       system().solve(d, factor, level_.e, z_);
       if (!close_with(d, z_)) return false;
@@ -313,8 +311,8 @@ class PriorityIteration {
     for (Index c = 0; c < sides_; ++c) {
       for (Index i = d; i < r; ++i) z_(i, c) = f * f * level_.e(i, c);
       fill_up(r, z_[c]);
-      for (Index i = d; i-- > 0;) reflect_from(i, r, tau[i], reflections[i], z_[c]);
     }
+    for (Index i = d; i-- > 0;) reflect_from(i, r, tau[i], reflections[i], sides_, z_);
     return true;
   }
 

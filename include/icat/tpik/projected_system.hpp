@@ -64,7 +64,7 @@ class ProjectedSystem {
       combine(p, Scalar(-1), product_[j], Scalar(1), projector.v_gram()[j], s[j]);
     }
     gram(m, p, fbv, product_);
-    for (Index j = 0; j < p; ++j) axpy(p, -sigma_ / rest, product_[j], s[j]);
+    add(p, p, -sigma_ / rest, product_, s);
     product<Into::set>(p, p, p, s, elements(l), product_);
     transposed_product(p, p, p, l, product_, s);
     return cholesky(p, s, product_, sigma_);
@@ -79,10 +79,10 @@ class ProjectedSystem {
     copy(btb, m, r);
     if (taken()) copy(btb, shifted, r);
     if (projector.dense()) {
-      for (Index j = 0; j < r; ++j) axpy(r, eta_, projector.k_free()[j], m[j]);
+      add(r, r, eta_, projector.k_free(), m);
       if (taken()) {
         (void)set_kv(vk);
-        for (Index j = 0; j < r; ++j) axpy(r, Scalar(1), vk[j], shifted[j]);
+        add(r, r, Scalar(1), vk, shifted);
       }
     } else {
       const Block v = projector.v();
@@ -110,7 +110,7 @@ class ProjectedSystem {
     const Index r = projector.free(), p = projector.partial();
     const auto& [k, l, vl, h, s] = scratch;
     if (projector.dense() || !set_kv(k) || !cholesky(p, k, l)) return false;
-    for (Index j = 0; j < p; ++j) scale(p, eta_, projector.k_free()[j], k[j]);
+    scale(p, p, eta_, projector.k_free(), k);
     if (!cholesky(p, k, s)) return false;
     explicit_factor(p, s, l);
     product<Into::set>(r, p, p, projector.v(), elements(l), vl);
@@ -143,7 +143,7 @@ class ProjectedSystem {
       triangularize(projector.reach() - r, p, work, bv, tau_);
       transpose(q, p, work, factors.from(p));
     }
-    for (Index j = 0; j < w; ++j) scale(p, std::sqrt(eta_), factors[j], factors[j]);
+    scale(p, w, std::sqrt(eta_), factors, factors);
     transposed_product(r, m, p, jt, projector.v(), bv);
     product<Into::set>(m, w, p, bv, elements(factors), bvw);
     product<Into::set>(p, w, p, projector.v_gram(), elements(factors), work);
@@ -178,8 +178,8 @@ class ProjectedSystem {
       projector.weigh();
       for (Index j = 0; j < r; ++j) {
         combine(r, eta_, projector.k_free()[j], Scalar(1), btb[j], m[j]);
-        if (taken()) axpy(r, eta_, projector.k_taken()[j], m[j]);
       }
+      if (taken()) add(r, r, eta_, projector.k_taken(), m);
     } else {
       product<Into::set>(b, r, p, uv, transposed(projector.v()), product_);
       uv = product_;
@@ -220,7 +220,7 @@ class ProjectedSystem {
   void add_weighted(Index n, Block r, Block k, Scalar weight, Block rk, Block s) noexcept {
     const Index p = projector.partial();
     product<Into::set>(n, p, p, r, elements(k), rk);
-    for (Index j = 0; j < p; ++j) scale(n, weight, rk[j], rk[j]);
+    scale(n, p, weight, rk, rk);
     product<Into::add>(n, n, p, rk, transposed(r), s);
   }
 
@@ -239,11 +239,9 @@ class ProjectedSystem {
   bool set_kv(Block kv) noexcept {
     if (!valid_kv()) return false;
     projector.weigh();
-    for (Index j = 0; j < projector.partial(); ++j) {
-      const Index p = projector.partial();
-      scale(p, eta_, projector.k_free()[j], kv[j]);
-      if (taken()) axpy(p, -sigma_ * eta_ / (eta_ - sigma_), projector.k_taken()[j], kv[j]);
-    }
+    const Index p = projector.partial();
+    scale(p, p, eta_, projector.k_free(), kv);
+    if (taken()) add(p, p, -sigma_ * eta_ / (eta_ - sigma_), projector.k_taken(), kv);
     return true;
   }
   /// z = f(m) rhs; `m` is overwritten, `square` scratch.
