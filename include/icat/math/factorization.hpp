@@ -75,7 +75,7 @@ template <class Scalar>
     const Scalar tau = (beta - alpha) / beta, unit = Scalar(1) / (alpha - beta);
     for (Index c = 0; c < k; ++c) x[c] = rows(i, c) * unit;
     std::copy_n(triangle[i], triangle.stride, w);
-    product<Into::add, Scalar>(r, 1, k, rows, {x, 1, 0}, {w, 0});
+    product(Into::add, r, 1, k, rows, {x, 1, 0}, {w, 0});
     axpy(r, -tau, w, triangle[i]);
     add_outer(r, k, -tau, w, x, 1, rows);
   }
@@ -197,8 +197,7 @@ template <class Scalar>
   const Index top = packet_begin<Scalar>(j);
   Scalar* x = l[j];
   scale(n - top, Scalar(1), s[j] + top, x + top);
-  product<Into::subtract, Scalar>(n - top, 1, j, l.below(j), {l.data + j, l.stride, 0},
-                                  {x + top, 0});
+  product(Into::subtract, n - top, 1, j, l.below(j), {l.data + j, l.stride, 0}, {x + top, 0});
   const Scalar pivot = x[j] - shift;
   if (!(pivot > Scalar(0))) return false;
   const Scalar inverse = Scalar(1) / std::sqrt(pivot);

@@ -99,6 +99,15 @@ template <class Scalar>
   std::copy_n(from.data, columns * from.stride, to.data);
 }
 
+/// The first `rows` of `columns`, with zeros below them.
+template <class Scalar>
+[[gnu::noinline]] void copy_rows(Index rows, Index columns, Panel<Scalar> from,
+                                 Panel<Scalar> to) noexcept {
+  for (Index c = 0; c < columns; ++c) {
+    std::copy_n(from[c], rows, to[c]);
+    std::fill_n(to[c] + rows, to.stride - rows, Scalar(0));
+  }
+}
 /// out (cols × rows) = pᵀ, p: rows × cols
 template <class Scalar>
 [[gnu::noinline]] void transpose(Index rows, Index cols, Panel<Scalar> p,
@@ -112,12 +121,13 @@ template <class Scalar>
 enum class Into { set, add, subtract };
 
 /// R packets by C columns of `c = a b`, `c += a b` or `c −= a b`, all in registers.
-template <Into into, int R, int C, class Scalar>
-inline void product_block(Index depth, const Scalar* a, Index lda, Elements<Scalar> b, Scalar* c,
-                          Index ldc) noexcept {
+template <int R, int C, class Scalar>
+inline void product_block(Into into, Index depth, const Scalar* a, Index lda, Elements<Scalar> b,
+                          Scalar* c, Index ldc) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   constexpr Index size = Simd<Scalar>::size;
+  const Scalar sign = into == Into::subtract ? Scalar(-1) : Scalar(1);
   Packet sum[C][R];
   for (int j = 0; j < C; ++j) {
     for (int i = 0; i < R; ++i) {
@@ -127,10 +137,7 @@ inline void product_block(Index depth, const Scalar* a, Index lda, Elements<Scal
   }
   for (Index k = 0; k < depth; ++k, a += lda, b.data += b.inner) {
     Packet factor[C];
-    for (int j = 0; j < C; ++j) {
-      factor[j] =
-          pset1<Packet>(into == Into::subtract ? -b.data[j * b.outer] : b.data[j * b.outer]);
-    }
+    for (int j = 0; j < C; ++j) factor[j] = pset1<Packet>(sign * b.data[j * b.outer]);
     for (int i = 0; i < R; ++i) {
       const Packet ai = ploadu<Packet>(a + i * size);
       for (int j = 0; j < C; ++j) sum[j][i] = pmadd(ai, factor[j], sum[j][i]);
@@ -143,8 +150,8 @@ inline void product_block(Index depth, const Scalar* a, Index lda, Elements<Scal
 
 /// `c (rows × cols) = a (rows × depth) b (depth × cols)`, or added to or subtracted from c. Whole
 /// packets of rows are computed. `c` must not overlap `a` or `b`.
-template <Into into, class Scalar>
-[[gnu::noinline]] void product(Index rows, Index cols, Index depth, Panel<Scalar> a,
+template <class Scalar>
+[[gnu::noinline]] void product(Into into, Index rows, Index cols, Index depth, Panel<Scalar> a,
                                Elements<Scalar> b, Panel<Scalar> c) noexcept {
   constexpr Index size = Simd<Scalar>::size;
   Index i = 0;
@@ -152,9 +159,9 @@ template <Into into, class Scalar>
     Elements<Scalar> bj = b;
     Index j = 0;
     for (; j + 2 <= cols; j += 2, bj.data += 2 * b.outer) {
-      product_block<into, R, 2>(depth, a.data + i, a.stride, bj, c[j] + i, c.stride);
+      product_block<R, 2>(into, depth, a.data + i, a.stride, bj, c[j] + i, c.stride);
     }
-    if (j < cols) product_block<into, R, 1>(depth, a.data + i, a.stride, bj, c[j] + i, c.stride);
+    if (j < cols) product_block<R, 1>(into, depth, a.data + i, a.stride, bj, c[j] + i, c.stride);
     i += R * size;
   };
   while (rows - i > 3 * size) sweep(std::integral_constant<int, 4>{});

@@ -62,7 +62,7 @@ class SpectralInverse {
     copy(vectors_, householder_, n);
     solve<false>(householder_.data, householder_.stride, n);
     for (Index i = n - below_; i < n; ++i) clear(householder_.from(i), 1);
-    product<Into::set>(n, n, n, householder_, transposed(vectors_), out);
+    product(Into::set, n, n, n, householder_, transposed(vectors_), out);
     // Rows below n are left over from earlier levels.
     for (Index j = 0; j < n; ++j) {
       if (!all_finite(n, out[j])) return false;
@@ -117,7 +117,7 @@ class SpectralInverse {
       if (!rotate_all(s, f)) return false;
       transposed_product(n, n, 1, vectors_, {const_cast<Scalar*>(b), 0}, {y_, 0});
       function(y_);
-      product<Into::set, Scalar>(n, 1, n, vectors_, {y_, 1, 0}, {z, 0});
+      product(Into::set, n, 1, n, vectors_, {y_, 1, 0}, {z, 0});
       return all_finite(n, z);
     }
     Scalar* v = householder_[0];
@@ -138,7 +138,7 @@ class SpectralInverse {
       if (!deflate(f, 2)) return false;
       for (Index i = 0; i < size_; ++i) y_[i] = vectors_(0, i) * first.length;
       function(y_);
-      product<Into::set, Scalar>(size_, 1, size_, vectors_, {y_, 1, 0}, {z, 0});
+      product(Into::set, size_, 1, size_, vectors_, {y_, 1, 0}, {z, 0});
       std::fill_n(z + size_, padded<Scalar>(n) - size_, Scalar(0));
     }
     for (Index i = reflections_; i-- > 0;) {
@@ -200,7 +200,7 @@ class SpectralInverse {
     ++reflections_;
     const Index top = packet_begin<Scalar>(k), rows = n_ - top;
     Scalar* w = p_;
-    product<Into::set, Scalar>(rows, 1, n_ - k, s.from(k).below(k), {v + k, 1, 0}, {w + top, 0});
+    product(Into::set, rows, 1, n_ - k, s.from(k).below(k), {v + k, 1, 0}, {w + top, 0});
     combine(rows, tau, w + top, -tau * (tau * dot(rows, w + top, v + top)) / Scalar(2), v + top,
             w + top);
     subtract_symmetric(k, top, n_, v, w, s);
@@ -297,7 +297,7 @@ class SpectralInverse {
     const auto small = [&](Index i) { return diagonal_[i] < unit_ * Scalar(f.threshold); };
     for (Index i = rest_; i < size_; ++i) {
       if (!small(i)) continue;
-      product<Into::set, Scalar>(rows, 1, n_, factor, {v[i], 1, 0}, {c[i], 0});
+      product(Into::set, rows, 1, n_, factor, {v[i], 1, 0}, {c[i], 0});
       value_[i] = dot(rows, c[i], c[i]);
     }
     bool rotated = true;

@@ -94,18 +94,15 @@ class Projector {
     if (dense_) {
       add(free_, k, Scalar(-1), work_, x);
     } else if (partial_ > 0) {
-      product<Into::subtract>(free_, k, partial_, v_, elements(work_), x);
+      product(Into::subtract, free_, k, partial_, v_, elements(work_), x);
     }
   }
   /// out (b × k) = L x, x: r × k.
   void extend(Index k, Block x, Block out) const noexcept {
-    for (Index c = 0; c < k; ++c) {
-      std::copy_n(x[c], free_, out[c]);
-      std::fill_n(out[c] + free_, out.stride - free_, Scalar(0));
-    }
+    copy_rows(free_, k, x, out);
     if (partial_ == 0) return;
     if (!dense_) transposed_product(free_, partial_, k, v_, x, work_);
-    product<Into::subtract>(reach_, k, partial_, u_, elements(dense_ ? x : work_), out);
+    product(Into::subtract, reach_, k, partial_, u_, elements(dense_ ? x : work_), out);
   }
 
   /// `k` more partial rows: U gains `u` (b × k), V `v` (r × k).
@@ -119,7 +116,7 @@ class Projector {
       return;
     }
     become_dense();
-    product<Into::add>(reach_, free_, k, u, transposed(v), u_);
+    product(Into::add, reach_, free_, k, u, transposed(v), u_);
   }
   /// Q ← Q − L `change` Nᵀ, r × r.
   void gain(Block change) noexcept {
@@ -143,7 +140,7 @@ class Projector {
       for (Index c = i + 1; c < k; ++c) rows(n - 1, c) = Scalar(0);
       reflect(n, tau, x, partial_, u_);
       if (dense_) {  // U ← U (I − tau x xᵀ) without its last column
-        product<Into::set>(reach_, 1, n, u_, {x, 1, 0}, work_);
+        product(Into::set, reach_, 1, n, u_, {x, 1, 0}, work_);
         add_outer(reach_, n - 1, -tau, work_[0], x, 1, u_);
         --partial_;
       } else {
@@ -169,20 +166,14 @@ class Projector {
       clear(k_taken_, partial_);
       return gram(free_, partial_, u_, k_free_);
     }
-    for (Index c = 0; c < partial_; ++c) {
-      std::copy_n(u_[c], free_, work_[c]);
-      fill_up(free_, work_[c]);
-    }
+    copy_rows(free_, partial_, u_, work_);
     gram(free_, partial_, work_, k_free_);
     copy_taken(work_);
     gram(reach_ - free_, partial_, work_, k_taken_);
   }
   /// U_t, (b − r) × p.
   void copy_taken(Block out) const noexcept {
-    for (Index c = 0; c < partial_; ++c) {
-      std::copy_n(u_[c] + free_, reach_ - free_, out[c]);
-      fill_up(reach_ - free_, out[c]);
-    }
+    copy_rows(reach_ - free_, partial_, {u_.data + free_, u_.stride}, out);
   }
 
   /// Z = U Vᵀ, b × r: in place.
@@ -190,7 +181,7 @@ class Projector {
     if (dense_) return;
     weighed_ = false;
     if (partial_ > 0) {
-      product<Into::set>(reach_, free_, partial_, u_, transposed(v_), work_);
+      product(Into::set, reach_, free_, partial_, u_, transposed(v_), work_);
       copy(work_, u_, free_);
     } else {
       clear(u_, free_);
