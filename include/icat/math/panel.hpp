@@ -169,9 +169,9 @@ template <class Scalar>
   if (rows - i > 0) sweep(std::integral_constant<int, 1>{});
 }
 
-/// Sum of a_i b_i over `rows`, rounded up to packets.
+/// Sum of a_i b_i over `rows`, rounded up to packets; in line, for inner loops.
 template <class Scalar>
-inline Scalar dot(Index rows, const Scalar* a, const Scalar* b) noexcept {
+inline Scalar inline_dot(Index rows, const Scalar* a, const Scalar* b) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   constexpr Index size = Simd<Scalar>::size;
@@ -183,6 +183,11 @@ inline Scalar dot(Index rows, const Scalar* a, const Scalar* b) noexcept {
   }
   if (i < rows) even = pmadd(ploadu<Packet>(a + i), ploadu<Packet>(b + i), even);
   return predux(padd(even, odd));
+}
+
+template <class Scalar>
+[[gnu::noinline]] Scalar dot(Index rows, const Scalar* a, const Scalar* b) noexcept {
+  return inline_dot(rows, a, b);
 }
 
 /// No NaN and no infinity among `n` elements.
@@ -222,7 +227,7 @@ template <class Scalar>
   for (Index j = 0; j < l; ++j) {
     Index i = 0;
     for (; i + 4 <= k; i += 4) dots<4>(rows, a.from(i), b[j], c[j] + i);
-    for (; i < k; ++i) c(i, j) = dot(rows, a[i], b[j]);
+    for (; i < k; ++i) c(i, j) = inline_dot(rows, a[i], b[j]);
     fill_up(k, c[j]);
   }
 }
@@ -233,7 +238,7 @@ template <class Scalar>
   for (Index j = 0; j < k; ++j) {
     Index i = j;
     for (; i + 4 <= k; i += 4) dots<4>(rows, a.from(i), a[j], c[j] + i);
-    for (; i < k; ++i) c(i, j) = dot(rows, a[i], a[j]);
+    for (; i < k; ++i) c(i, j) = inline_dot(rows, a[i], a[j]);
     for (i = j + 1; i < k; ++i) c(j, i) = c(i, j);
     fill_up(k, c[j]);
   }
@@ -290,7 +295,7 @@ template <class Scalar>
 template <class Scalar>
 [[gnu::noinline]] void add_projection(Index rows, Scalar s, const Scalar* v, Index k,
                                       Panel<Scalar> in, Panel<Scalar> out) noexcept {
-  for (Index c = 0; c < k; ++c) axpy(rows, s * dot(rows, v, in[c]), v, out[c]);
+  for (Index c = 0; c < k; ++c) axpy(rows, s * inline_dot(rows, v, in[c]), v, out[c]);
 }
 /// `out += s v wᵀ`, `k` columns; elements of w are `step` apart.
 template <class Scalar>

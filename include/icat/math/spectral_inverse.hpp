@@ -57,8 +57,8 @@ class SpectralInverse {
                const Square* factor = nullptr, Index rows = 0) noexcept {
     if (!prepare(s, n, Scalar(f.threshold))) return false;
     if (!(large_ ? rotate_all(s, f) : diagonalize(s, f))) return false;
-    if (factor != nullptr && below_ > 0) refine(*factor, rows, f);
     sort(unit_ * Scalar(f.threshold));
+    if (factor != nullptr) refine(*factor, rows, f);
     copy(vectors_, householder_, n);
     solve<false>(householder_.data, householder_.stride, n);
     for (Index i = n - below_; i < n; ++i) clear(householder_.from(i), 1);
@@ -294,33 +294,28 @@ class SpectralInverse {
   void refine(Square factor, Index rows, const Regularization& f) noexcept {
     const Square c = householder_, v = vectors_;
     const Scalar rounding = Scalar(rows) * std::numeric_limits<Scalar>::epsilon();
-    const auto small = [&](Index i) { return diagonal_[i] < unit_ * Scalar(f.threshold); };
-    for (Index i = rest_; i < size_; ++i) {
-      if (!small(i)) continue;
-      product(Into::set, rows, 1, n_, factor, {v[i], 1, 0}, {c[i], 0});
-      value_[i] = dot(rows, c[i], c[i]);
-    }
+    const Index first = n_ - below_;
+    product(Into::set, rows, below_, n_, factor, elements(v.from(first)), c.from(first));
+    for (Index i = first; i < n_; ++i) value_[i] = dot(rows, c[i], c[i]);
     bool rotated = true;
     for (int sweep = 0; sweep < 4 && rotated; ++sweep) {
       rotated = false;
-      for (Index i = rest_; i < size_; ++i) {
-        for (Index j = i + 1; j < size_; ++j) {
-          if (!small(i) || !small(j)) continue;
+      for (Index i = first; i < n_; ++i) {
+        for (Index j = i + 1; j < n_; ++j) {
           const Scalar product = dot(rows, c[i], c[j]);
-          if (!(std::abs(product) > rounding * std::sqrt(value_[i]) * std::sqrt(value_[j])))
+          if (!(std::abs(product) > rounding * std::sqrt(value_[i]) * std::sqrt(value_[j]))) {
             continue;
+          }
           rotated = true;
           const auto r = JacobiRotation<Scalar>::make(value_[i], value_[j], product);
           rotate(rows, r.cosine, -r.sine, c[i], c[j]);
           rotate(n_, r.cosine, -r.sine, v[i], v[j]);
-          value_[i] = dot(rows, c[i], c[i]);
-          value_[j] = dot(rows, c[j], c[j]);
+          for (const Index k : {i, j}) value_[k] = dot(rows, c[k], c[k]);
         }
       }
     }
-    for (Index i = rest_; i < size_; ++i) {
-      if (!small(i)) continue;
-      diagonal_[i] = unit_ * value_[i];
+    for (Index i = first; i < n_; ++i) {
+      diagonal_[i] = value_[i];
       value_[i] = f.inverse(value_[i]);
     }
   }

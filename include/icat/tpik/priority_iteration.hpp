@@ -33,7 +33,7 @@ class PriorityIteration {
   PriorityIteration(const Regularization& regularization, Scalar projection_weight)
       : level_(regularization, projection_weight), eta_(projection_weight) {}
 
-  void bind(Index n, Index sides, Scalar* memory_of_columns) noexcept {
+  [[gnu::noinline]] void bind(Index n, Index sides, Scalar* memory_of_columns) noexcept {
     PanelMemory<Scalar> memory(memory_of_columns, n);
     level_.bind(n, sides, memory);
     for (Block* b : {&increment, &y_, &z_, &side_}) *b = memory.take(sides);
@@ -90,7 +90,7 @@ class PriorityIteration {
 
   /// A closing level with J = I, A = I [Coop, Eq. (23)] for e = −`current` (n × sides, columns
   /// `step` apart). Nothing may come after it.
-  bool close(const Scalar* current, Index step) noexcept {
+  [[gnu::noinline]] bool close(const Scalar* current, Index step) noexcept {
     if (free() == 0) {
       clear(increment, sides_);
       return true;
