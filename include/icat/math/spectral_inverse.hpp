@@ -40,13 +40,13 @@ class SpectralInverse {
   /// if anything overflowed.
   template <class Regularization>
   bool apply(Square s, Index n, const Scalar* b, Scalar* z, const Regularization& f) noexcept {
-    return evaluate<false>(s, n, b, z, f);
+    return evaluate(false, s, n, b, z, f);
   }
   /// The same for `z = S f(S) b`: the identity but for eigenvalues below the threshold, so that no
   /// digits are lost where f is large.
   template <class Regularization>
   bool filter(Square s, Index n, const Scalar* b, Scalar* z, const Regularization& f) noexcept {
-    return evaluate<true>(s, n, b, z, f);
+    return evaluate(true, s, n, b, z, f);
   }
 
   /// `out` = the part of f(S) of eigenvalues from the threshold on, leading n × n, zeros after each
@@ -57,12 +57,12 @@ class SpectralInverse {
                const Square* factor = nullptr, Index rows = 0) noexcept {
     if (!prepare(s, n, Scalar(f.threshold))) return false;
     if (!(large_ ? rotate_all(s, f) : diagonalize(s, f))) return false;
-    if (factor != nullptr && below_ > 0) refine(*factor, rows, f);
     sort(unit_ * Scalar(f.threshold));
+    if (factor != nullptr) refine(*factor, rows, f);
     copy(vectors_, householder_, n);
     solve<false>(householder_.data, householder_.stride, n);
     for (Index i = n - below_; i < n; ++i) clear(householder_.from(i), 1);
-    product<Into::set>(n, n, n, householder_, transposed(vectors_), out);
+    product(Into::set, n, n, n, householder_, transposed(vectors_), out);
     // Rows below n are left over from earlier levels.
     for (Index j = 0; j < n; ++j) {
       if (!all_finite(n, out[j])) return false;
@@ -91,10 +91,8 @@ class SpectralInverse {
  private:
   template <class Weight>
   void add_small(Index k, Square in, Square out, Weight weight) const noexcept {
-    for (Index c = 0; c < k; ++c) {
-      for (Index i = n_ - below_; i < n_; ++i) {
-        axpy(n_, weight(i) * dot(n_, vectors_[i], in[c]), vectors_[i], out[c]);
-      }
+    for (Index i = n_ - below_; i < n_; ++i) {
+      add_projection(n_, weight(i), vectors_[i], k, in, out);
     }
   }
 
@@ -103,12 +101,13 @@ class SpectralInverse {
     for (Index i = 0; i < n_; ++i) vectors_(i, i) = Scalar(1);
   }
 
-  template <bool times_s, class Regularization>
-  bool evaluate(Square s, Index n, const Scalar* b, Scalar* z, const Regularization& f) noexcept {
+  template <class Regularization>
+  bool evaluate(bool times_s, Square s, Index n, const Scalar* b, Scalar* z,
+                const Regularization& f) noexcept {
     if (!prepare(s, n, Scalar(f.threshold))) return false;
     std::fill_n(z, padded<Scalar>(n), Scalar(0));
     const auto function = [&](Scalar* y) {
-      if constexpr (times_s) {
+      if (times_s) {
         for (Index i = rest_; i < size_; ++i) y[i] *= gain(i) / unit_;
       } else {
         solve<true>(y, 1, 1);
@@ -116,10 +115,10 @@ class SpectralInverse {
     };
     if (large_) {
       if (!rotate_all(s, f)) return false;
-      for (Index i = 0; i < n; ++i) y_[i] = dot(n, vectors_[i], b);
+      transposed_product(n, n, 1, vectors_, {const_cast<Scalar*>(b), 0}, {y_, 0});
       function(y_);
-      product<Into::set, Scalar>(n, 1, n, vectors_, {y_, 1, 0}, {z, 0});
-      return std::isfinite(dot(n, z, z));
+      product(Into::set, n, 1, n, vectors_, {y_, 1, 0}, {z, 0});
+      return all_finite(n, z);
     }
     Scalar* v = householder_[0];
     std::copy_n(b, n, v);
@@ -139,13 +138,13 @@ class SpectralInverse {
       if (!deflate(f, 2)) return false;
       for (Index i = 0; i < size_; ++i) y_[i] = vectors_(0, i) * first.length;
       function(y_);
-      product<Into::set, Scalar>(size_, 1, size_, vectors_, {y_, 1, 0}, {z, 0});
+      product(Into::set, size_, 1, size_, vectors_, {y_, 1, 0}, {z, 0});
       std::fill_n(z + size_, padded<Scalar>(n) - size_, Scalar(0));
     }
     for (Index i = reflections_; i-- > 0;) {
-      reflect_from(i, n_, tau_[i], householder_[i], z);
+      reflect_from(i, n_, tau_[i], householder_[i], 1, {z, 0});
     }
-    return std::isfinite(dot(n, z, z));
+    return all_finite(n, z);
   }
 
   /// V and the eigenvalues below the threshold, by steps 1 to 3.
@@ -155,9 +154,7 @@ class SpectralInverse {
     count_below(unit_ * Scalar(f.threshold));
     set_identity();
     for (Index i = reflections_; i-- > 0;) {
-      for (Index j = i + 1; j < n_; ++j) {
-        reflect_from(i + 1, n_, tau_[i], householder_[i], vectors_[j]);
-      }
+      reflect_from(i + 1, n_, tau_[i], householder_[i], n_ - i - 1, vectors_.from(i + 1));
     }
     return deflate(f, n_);
   }
@@ -191,7 +188,7 @@ class SpectralInverse {
       const int exponent = std::clamp(std::ilogb(scale_), std::numeric_limits<Scalar>::min_exponent,
                                       std::numeric_limits<Scalar>::max_exponent - 3);
       unit_ = std::ldexp(Scalar(1), -exponent);
-      for (Index j = 0; j < n; ++j) scale(n, unit_, s[j], s[j]);
+      scale(n, n, unit_, s, s);
       scale_ *= unit_;
     }
     return true;
@@ -203,7 +200,7 @@ class SpectralInverse {
     ++reflections_;
     const Index top = packet_begin<Scalar>(k), rows = n_ - top;
     Scalar* w = p_;
-    product<Into::set, Scalar>(rows, 1, n_ - k, s.from(k).below(k), {v + k, 1, 0}, {w + top, 0});
+    product(Into::set, rows, 1, n_ - k, s.from(k).below(k), {v + k, 1, 0}, {w + top, 0});
     combine(rows, tau, w + top, -tau * (tau * dot(rows, w + top, v + top)) / Scalar(2), v + top,
             w + top);
     subtract_symmetric(k, top, n_, v, w, s);
@@ -297,33 +294,28 @@ class SpectralInverse {
   void refine(Square factor, Index rows, const Regularization& f) noexcept {
     const Square c = householder_, v = vectors_;
     const Scalar rounding = Scalar(rows) * std::numeric_limits<Scalar>::epsilon();
-    const auto small = [&](Index i) { return diagonal_[i] < unit_ * Scalar(f.threshold); };
-    for (Index i = rest_; i < size_; ++i) {
-      if (!small(i)) continue;
-      product<Into::set, Scalar>(rows, 1, n_, factor, {v[i], 1, 0}, {c[i], 0});
-      value_[i] = dot(rows, c[i], c[i]);
-    }
+    const Index first = n_ - below_;
+    product(Into::set, rows, below_, n_, factor, elements(v.from(first)), c.from(first));
+    for (Index i = first; i < n_; ++i) value_[i] = dot(rows, c[i], c[i]);
     bool rotated = true;
     for (int sweep = 0; sweep < 4 && rotated; ++sweep) {
       rotated = false;
-      for (Index i = rest_; i < size_; ++i) {
-        for (Index j = i + 1; j < size_; ++j) {
-          if (!small(i) || !small(j)) continue;
+      for (Index i = first; i < n_; ++i) {
+        for (Index j = i + 1; j < n_; ++j) {
           const Scalar product = dot(rows, c[i], c[j]);
-          if (!(std::abs(product) > rounding * std::sqrt(value_[i]) * std::sqrt(value_[j])))
+          if (!(std::abs(product) > rounding * std::sqrt(value_[i]) * std::sqrt(value_[j]))) {
             continue;
+          }
           rotated = true;
           const auto r = JacobiRotation<Scalar>::make(value_[i], value_[j], product);
           rotate(rows, r.cosine, -r.sine, c[i], c[j]);
           rotate(n_, r.cosine, -r.sine, v[i], v[j]);
-          value_[i] = dot(rows, c[i], c[i]);
-          value_[j] = dot(rows, c[j], c[j]);
+          for (const Index k : {i, j}) value_[k] = dot(rows, c[k], c[k]);
         }
       }
     }
-    for (Index i = rest_; i < size_; ++i) {
-      if (!small(i)) continue;
-      diagonal_[i] = unit_ * value_[i];
+    for (Index i = first; i < n_; ++i) {
+      diagonal_[i] = value_[i];
       value_[i] = f.inverse(value_[i]);
     }
   }

@@ -58,14 +58,14 @@ class ProjectedSystem {
     if (!(rest > Scalar(0)) || !set_kv(s) || !cholesky(p, s, product_)) return false;
     explicit_factor(p, product_, l);
     transposed_product(r, m, p, jt, projector.v(), bv);
-    product<Into::set>(m, p, m, f, elements(bv), fbv);
+    product(Into::set, m, p, m, f, elements(bv), fbv);
     transposed_product(m, p, p, bv, fbv, product_);
     for (Index j = 0; j < p; ++j) {
       combine(p, Scalar(-1), product_[j], Scalar(1), projector.v_gram()[j], s[j]);
     }
     gram(m, p, fbv, product_);
-    for (Index j = 0; j < p; ++j) axpy(p, -sigma_ / rest, product_[j], s[j]);
-    product<Into::set>(p, p, p, s, elements(l), product_);
+    add(p, p, -sigma_ / rest, product_, s);
+    product(Into::set, p, p, p, s, elements(l), product_);
     transposed_product(p, p, p, l, product_, s);
     return cholesky(p, s, product_, sigma_);
   }
@@ -79,10 +79,10 @@ class ProjectedSystem {
     copy(btb, m, r);
     if (taken()) copy(btb, shifted, r);
     if (projector.dense()) {
-      for (Index j = 0; j < r; ++j) axpy(r, eta_, projector.k_free()[j], m[j]);
+      add(r, r, eta_, projector.k_free(), m);
       if (taken()) {
         (void)set_kv(vk);
-        for (Index j = 0; j < r; ++j) axpy(r, Scalar(1), vk[j], shifted[j]);
+        add(r, r, Scalar(1), vk, shifted);
       }
     } else {
       const Block v = projector.v();
@@ -110,18 +110,18 @@ class ProjectedSystem {
     const Index r = projector.free(), p = projector.partial();
     const auto& [k, l, vl, h, s] = scratch;
     if (projector.dense() || !set_kv(k) || !cholesky(p, k, l)) return false;
-    for (Index j = 0; j < p; ++j) scale(p, eta_, projector.k_free()[j], k[j]);
+    scale(p, p, eta_, projector.k_free(), k);
     if (!cholesky(p, k, s)) return false;
     explicit_factor(p, s, l);
-    product<Into::set>(r, p, p, projector.v(), elements(l), vl);
-    product<Into::set>(r, p, r, f, elements(vl), h);
+    product(Into::set, r, p, p, projector.v(), elements(l), vl);
+    product(Into::set, r, p, r, f, elements(vl), h);
     transposed_product(r, p, p, vl, h, k);
     for (Index j = 0; j < p; ++j) k(j, j) += Scalar(1);
     if (!cholesky(p, k, s)) return false;
-    product<Into::set>(r, sides_, r, f, elements(rhs), z);
+    product(Into::set, r, sides_, r, f, elements(rhs), z);
     transposed_product(r, p, sides_, h, rhs, other_);
     for (Index c = 0; c < sides_; ++c) cholesky_solve(p, s, other_[c], side_[c]);
-    product<Into::subtract>(r, sides_, p, h, elements(side_), z);
+    product(Into::subtract, r, sides_, p, h, elements(side_), z);
     return true;
   }
 
@@ -143,10 +143,10 @@ class ProjectedSystem {
       triangularize(projector.reach() - r, p, work, bv, tau_);
       transpose(q, p, work, factors.from(p));
     }
-    for (Index j = 0; j < w; ++j) scale(p, std::sqrt(eta_), factors[j], factors[j]);
+    scale(p, w, std::sqrt(eta_), factors, factors);
     transposed_product(r, m, p, jt, projector.v(), bv);
-    product<Into::set>(m, w, p, bv, elements(factors), bvw);
-    product<Into::set>(p, w, p, projector.v_gram(), elements(factors), work);
+    product(Into::set, m, w, p, bv, elements(factors), bvw);
+    product(Into::set, p, w, p, projector.v_gram(), elements(factors), work);
     transposed_product(p, w, w, factors, work, bv);
     for (Index j = 0; j < m; ++j) std::copy_n(g[j], m, s[j]);
     for (Index j = 0; j < w; ++j) {
@@ -155,17 +155,10 @@ class ProjectedSystem {
       if (j >= p) s(m + j, m + j) += eta_;
     }
     for (Index j = 0; j < m + w; ++j) fill_up(m + w, s[j]);
-    for (Index c = 0; c < sides_; ++c) {
-      std::copy_n(e[c], m, other_[c]);
-      std::fill_n(other_[c] + m, w, Scalar(0));
-      fill_up(m + w, other_[c]);
-    }
+    copy_rows(m, sides_, e, other_);
     if (!filter(s, m + w, other_, side_, work)) return false;
     small_eigenvalues_ = spectral.below() > 0;
-    for (Index c = 0; c < sides_; ++c) {
-      std::copy_n(side_[c], m, y[c]);
-      fill_up(m, y[c]);
-    }
+    copy_rows(m, sides_, side_, y);
     return true;
   }
 
@@ -178,10 +171,10 @@ class ProjectedSystem {
       projector.weigh();
       for (Index j = 0; j < r; ++j) {
         combine(r, eta_, projector.k_free()[j], Scalar(1), btb[j], m[j]);
-        if (taken()) axpy(r, eta_, projector.k_taken()[j], m[j]);
       }
+      if (taken()) add(r, r, eta_, projector.k_taken(), m);
     } else {
-      product<Into::set>(b, r, p, uv, transposed(projector.v()), product_);
+      product(Into::set, b, r, p, uv, transposed(projector.v()), product_);
       uv = product_;
       gram(b, r, uv, m);
       for (Index j = 0; j < r; ++j) combine(r, eta_, m[j], Scalar(1), btb[j], m[j]);
@@ -195,33 +188,29 @@ class ProjectedSystem {
       for (Index j = 0; j < r; ++j) m(j, i) = m(i, j);
       m(i, i) = eta_;
     }
-    for (Index c = 0; c < sides_; ++c) std::fill_n(rhs[c] + r, rhs.stride - r, Scalar(0));
-    return spectrally(m, b, rhs, z, out);
+    copy_rows(r, sides_, rhs, other_);
+    return spectrally(m, b, other_, z, out);
   }
 
   /// out = s f(s) in (n × sides); `s` is overwritten, `square` scratch.
   bool filter(Block s, Index n, Block in, Block out, Block square) noexcept {
     if (sides_ == 1) return spectral.filter(s, n, in.data, out.data, regularization);
     if (!spectral.compute(s, n, square, regularization)) return false;
-    copy(in, out, sides_);
-    for (Index c = 0; c < sides_; ++c) fill_up(n, out[c]);
+    copy_rows(n, sides_, in, out);
     spectral.filter(sides_, out);
     return true;
   }
   /// z = (l lᵀ)⁻¹ rhs
   void solve(Index n, Block l, Block rhs, Block z) noexcept {
-    for (Index c = 0; c < sides_; ++c) {
-      std::copy_n(rhs[c], n, side_[c]);
-      fill_up(n, side_[c]);
-      cholesky_solve(n, l, side_[c], z[c]);
-    }
+    copy_rows(n, sides_, rhs, side_);
+    for (Index c = 0; c < sides_; ++c) cholesky_solve(n, l, side_[c], z[c]);
   }
   /// s += weight · r k rᵀ, for r (n × p) and symmetric k; `rk` is scratch.
   void add_weighted(Index n, Block r, Block k, Scalar weight, Block rk, Block s) noexcept {
     const Index p = projector.partial();
-    product<Into::set>(n, p, p, r, elements(k), rk);
-    for (Index j = 0; j < p; ++j) scale(n, weight, rk[j], rk[j]);
-    product<Into::add>(n, n, p, rk, transposed(r), s);
+    product(Into::set, n, p, p, r, elements(k), rk);
+    scale(n, p, weight, rk, rk);
+    product(Into::add, n, n, p, rk, transposed(r), s);
   }
 
   Regularization regularization;
@@ -239,11 +228,9 @@ class ProjectedSystem {
   bool set_kv(Block kv) noexcept {
     if (!valid_kv()) return false;
     projector.weigh();
-    for (Index j = 0; j < projector.partial(); ++j) {
-      const Index p = projector.partial();
-      scale(p, eta_, projector.k_free()[j], kv[j]);
-      if (taken()) axpy(p, -sigma_ * eta_ / (eta_ - sigma_), projector.k_taken()[j], kv[j]);
-    }
+    const Index p = projector.partial();
+    scale(p, p, eta_, projector.k_free(), kv);
+    if (taken()) add(p, p, -sigma_ * eta_ / (eta_ - sigma_), projector.k_taken(), kv);
     return true;
   }
   /// z = f(m) rhs; `m` is overwritten, `square` scratch.
@@ -252,7 +239,7 @@ class ProjectedSystem {
       if (!spectral.apply(m, n, rhs.data, z.data, regularization)) return false;
     } else {
       if (!spectral.compute(m, n, square, regularization)) return false;
-      product<Into::set>(n, sides_, n, square, elements(rhs), z);
+      product(Into::set, n, sides_, n, square, elements(rhs), z);
       spectral.add_small(sides_, rhs, z);
     }
     small_eigenvalues_ = spectral.below() > 0;
