@@ -58,9 +58,9 @@ for flags in -O0 "-O2 -DNDEBUG"; do
   # Missed since robots are trees, lists of actions may be long, and limits are kept: see
   # docs/benchmarks.md.
   if [[ $flags == -O0 ]]; then
-    reach=(4 400 4.3 400) grasp=(9 -)
+    reach=(4 400) grasp=(9 -)
   else
-    reach=(6 - 7.2 -) grasp=(9 - 11.2 -)
+    reach=(6 - 6.3 -) grasp=(9 - 10 -)
   fi
   row '#include <icat/icat.hpp>' "$work/icat.cpp" "$flags" - -
   row 'Tpik<double, 13>' benchmarks/compile_cost/bare_tpik.cpp "$flags" 2.5 -

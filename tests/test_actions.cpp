@@ -75,19 +75,20 @@ std::size_t entries(const Hierarchy& h) {
 std::string extracted(const Hierarchy& h, std::size_t action) {
   Hierarchy own;
   for (const auto& level : h) {
-    auto& l = own.emplace_back();
+    std::decay_t<decltype(level)> l;
     for (const auto& e : level) {
       if (e.in_action[action]) l.push_back(e);
     }
-    if (l.empty()) own.pop_back();
+    if (l.size() > 0) own.push_back(l);
   }
   return text(own);
 }
 std::string text(const Action& a) {
   Hierarchy h;
   for (const auto& level : a.levels) {
-    auto& l = h.emplace_back();
+    std::decay_t<decltype(h[0])> l;
     for (auto& t : level) l.push_back({&t.get(), {}});
+    h.push_back(l);
   }
   return text(h);
 }

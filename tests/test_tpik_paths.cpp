@@ -15,9 +15,11 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 /// ẏ, and Q after the last level, against the literal formula in long double.
-void expect_literal(const RandomHierarchy& h, double tolerance = 1e-9) {
-  icat::Tpik<double> tpik(h.dof);
-  auto exact = oracle::start<long double>(h);
+void expect_literal(const RandomHierarchy& h, double tolerance = 1e-9,
+                    const icat::Tpik<double>::Options& options = {}) {
+  icat::Tpik<double> tpik(h.dof, options);
+  const auto& f = options.regularization;
+  auto exact = oracle::start<long double>(h, {f.lambda, f.threshold, options.projection_weight});
   ASSERT_EQ(tpik.reset(h.rho0, h.Q0), icat::Status::ok);
   for (const auto& level : h.levels) {
     ASSERT_EQ(tpik.add_level(level.J, level.a, level.reference), icat::Status::ok);
@@ -180,9 +182,187 @@ TEST(Paths, NothingLeft) {
   expect_literal(h);
 }
 
+// A partial row is a column of V. Levels below it are independent of it where m + p ≤ r, and it is
+// certain where a² is well above σ_t: both sides of either, with axes taken before and after it.
+TEST(Paths, RowsIndependentOfPartialOnesOrNot) {
+  HierarchyGenerator gen(10);
+  for (const double a : {0.03, 0.0999, 0.1, 0.1001, 0.12, 0.4, 0.97, 1 - 1e-9}) {
+    for (const int partial : {1, 2, 3}) {
+      for (const int rows : {1, 9 - 3 - partial - 1, 9 - 3 - partial, 9 - 3 - partial + 1, 7}) {
+        SCOPED_TRACE(testing::Message() << a << ", " << partial << " partial, " << rows);
+        RandomHierarchy h = empty(9);
+        h.levels = {level(gen, gen.matrix(2, 9), VectorXd::Ones(2)),
+                    level(gen, gen.matrix(partial, 9), VectorXd::Constant(partial, a)),
+                    level(gen, gen.matrix(1, 9), VectorXd::Ones(1)),
+                    level(gen, gen.matrix(rows, 9), VectorXd::Ones(rows)),
+                    level(gen, gen.matrix(2, 9), VectorXd::Constant(2, 0.7))};
+        expect_literal(h);
+      }
+    }
+  }
+}
+
+// Rows that lie in the span of a partial one, nearly or not: no certificate holds near it.
+TEST(Paths, RowsAlongAPartialOne) {
+  HierarchyGenerator gen(11);
+  for (const double distance : {0.0, 1e-9, 1e-3, 0.09, 0.1, 0.11, 1.0}) {
+    SCOPED_TRACE(distance);
+    RandomHierarchy h = empty(8);
+    const MatrixXd row = gen.matrix(1, 8).rowwise().normalized();
+    MatrixXd J = gen.matrix(2, 8);
+    J.row(0) = row + distance * gen.matrix(1, 8);
+    h.levels = {level(gen, row, VectorXd::Constant(1, 0.4)), level(gen, J, VectorXd::Ones(2)),
+                level(gen, gen.matrix(2, 8), VectorXd::Ones(2))};
+    expect_literal(h);
+  }
+}
+
+// Binary and partial rows in one level: the binary ones leave, whatever p is already.
+TEST(Paths, BinaryRowsBesidePartialOnes) {
+  HierarchyGenerator gen(12);
+  for (const int before : {0, 1, 4}) {
+    for (const int binary : {0, 1, 3}) {
+      for (const int partial : {1, 3}) {
+        RandomHierarchy h = empty(10);
+        VectorXd a = VectorXd::Constant(binary + partial, 0.6);
+        a.tail(binary).setOnes();
+        h.levels = {level(gen, gen.matrix(before, 10), VectorXd::Constant(before, 0.5)),
+                    level(gen, gen.matrix(binary + partial, 10), a),
+                    level(gen, gen.matrix(2, 10), VectorXd::Ones(2)),
+                    level(gen, gen.matrix(3, 10), VectorXd::Constant(3, 0.2))};
+        expect_literal(h);
+      }
+    }
+  }
+}
+
+// A tall level below partial rows: G^{-1} with a correction where it is certain; not where a
+// direction of G is small, or where p has reached r.
+TEST(Paths, TallLevelsBelowPartialRows) {
+  HierarchyGenerator gen(13);
+  for (const double least : {1.0, 0.11, 0.1, 0.09, 0.0}) {
+    for (const int partial : {1, 2, 5, 6}) {
+      for (const double a : {1.0, 0.6}) {
+        SCOPED_TRACE(testing::Message() << least << ", " << partial << ", " << a);
+        RandomHierarchy h = empty(6);
+        VectorXd values = VectorXd::Ones(6);
+        values(5) = least;
+        const MatrixXd J = with_singular_values(gen, values, 6);
+        MatrixXd twice(12, 6);
+        twice << J, J;
+        h.levels = {level(gen, gen.matrix(partial, 6), VectorXd::Constant(partial, 0.4)),
+                    level(gen, gen.matrix(1, 6), VectorXd::Ones(1)),
+                    level(gen, twice / std::sqrt(2.0), VectorXd::Constant(12, a)),
+                    level(gen, gen.matrix(2, 6), VectorXd::Ones(2))};
+        expect_literal(h);
+      }
+    }
+  }
+}
+
+// Regularized binary rows leave but for the directions of small eigenvalues; one, some, all of
+// them, of wide levels and tall ones, with partial rows above and without.
+TEST(Paths, RegularizedBinaryLevels) {
+  HierarchyGenerator gen(14);
+  for (const int rows : {1, 2, 4, 8, 20}) {
+    for (int small = 0; small <= std::min(rows, 4); ++small) {
+      for (const int partial : {0, 1}) {
+        SCOPED_TRACE(testing::Message() << rows << " rows, " << small << " small");
+        RandomHierarchy h = empty(8);
+        const int rank = std::min(rows, 8);
+        VectorXd values = VectorXd::Ones(rank);
+        for (int i = 0; i < small; ++i) values(i) = i % 2 ? 0 : 0.05;
+        MatrixXd J = with_singular_values(gen, values, 8);
+        if (rows > rank)
+          J = MatrixXd(with_singular_values(gen, VectorXd::Ones(8), rows).transpose() * J);
+        h.levels = {level(gen, gen.matrix(partial, 8), VectorXd::Constant(partial, 0.5)),
+                    level(gen, J, VectorXd::Ones(rows)),
+                    level(gen, gen.matrix(2, 8), VectorXd::Ones(2)),
+                    level(gen, gen.matrix(2, 8), VectorXd::Constant(2, 0.3))};
+        // f' is 1/λ² at most.
+        expect_literal(h, 1e-8);
+      }
+    }
+  }
+}
+
+// Two-sided Jacobi rotations from 10⁶ σ_t on.
+TEST(Paths, LargeRowsBesideSmallOnes) {
+  HierarchyGenerator gen(15);
+  for (const double largest : {50.0, 99.0, 101.0, 300.0}) {
+    RandomHierarchy h = empty(7);
+    VectorXd values(4);
+    values << largest, 1, 0.07, 0.01;
+    const MatrixXd J = with_singular_values(gen, values, 7);
+    h.levels = {level(gen, gen.matrix(1, 7), VectorXd::Constant(1, 0.5)),
+                level(gen, J, VectorXd::Ones(4)),
+                level(gen, J.bottomRows(2), VectorXd::Constant(2, 0.5)),
+                level(gen, gen.matrix(2, 7), VectorXd::Ones(2))};
+    expect_literal(h, 1e-8);
+  }
+}
+
+// The closing level needs no certificate while σ_t ≤ η / (1 + η), and less than half of the axes
+// may be touched.
+TEST(Paths, ClosingLevels) {
+  HierarchyGenerator gen(16);
+  for (const double sigma : {1e-2, 0.49, 0.51, 2.0}) {
+    for (const double eta : {0.5, 1.0, 10.0}) {
+      for (const int partial : {1, 2, 3, 4, 6}) {
+        RandomHierarchy h = empty(8);
+        h.levels = {level(gen, gen.matrix(1, 8), VectorXd::Ones(1)),
+                    level(gen, gen.matrix(partial, 8), VectorXd::Constant(partial, 0.95))};
+        expect_literal(
+            h, 1e-9,
+            {.regularization = {.lambda = 1e-2, .threshold = sigma}, .projection_weight = eta});
+      }
+    }
+  }
+}
+
+// Tiny rows and activations are a negligible effect, and huge ones no failure.
+template <class S>
+class Sizes : public testing::Test {};
+using Scalars = testing::Types<float, double>;
+TYPED_TEST_SUITE(Sizes, Scalars);
+
+TYPED_TEST(Sizes, OfAnyPower) {
+  using S = TypeParam;
+  using Vector2 = icat::Vector<S, 2>;
+  using Vector1 = icat::Vector<S, 1>;
+  constexpr int last = std::numeric_limits<S>::max_exponent10;
+  Eigen::Matrix<S, 2, 3> unit;
+  unit << 1, 2, 3, 2, 1, -1;
+  const Eigen::Matrix<S, 1, 3> other(1, 1, 0);
+  const auto solve = [&](S row, S a, S of_other) {
+    icat::Tpik<S, 3> tpik;
+    EXPECT_EQ(tpik.add_level(row * unit, Vector2(a, a), Vector2(1, 1)), icat::Status::ok);
+    EXPECT_EQ(tpik.add_level(other, Vector1(of_other), Vector1(1)), icat::Status::ok);
+    EXPECT_EQ(tpik.minimize_velocity(), icat::Status::ok);
+    return tpik.velocity();
+  };
+  for (const S of_other : {S(1), S(0.5)}) {
+    const auto alone = solve(0, 1, of_other);
+    for (int power = -last; power < last / 2 - 1; ++power) {
+      SCOPED_TRACE(power);
+      const S size = std::pow(S(10), S(power));
+      const auto y = solve(size, 1, of_other);
+      if (power > 0) {
+        EXPECT_LT((unit * y - Vector2(1, 1) / size).norm(),
+                  100 * std::numeric_limits<S>::epsilon() * y.norm())
+            << y;
+        continue;
+      }
+      const auto faint = solve(1, size, of_other);
+      if (power > -last / 4 - 4) continue;  // felt
+      EXPECT_LT((y - alone).norm(), S(1e-6)) << y;
+      EXPECT_LT((faint - alone).norm(), S(1e-6)) << faint;
+    }
+  }
+}
+
 template <class S>
 class Spectral : public testing::Test {};
-using Scalars = testing::Types<float, double>;
 TYPED_TEST_SUITE(Spectral, Scalars);
 
 // f(S) b and f(S) against Eigen's eigendecomposition in long double, where rounding is amplified by

@@ -5,7 +5,7 @@
 
 int main() {
   auto robot = icat::uvms(icat::maris_arm<double>());  // an underwater vehicle with an arm
-  icat::KinematicPlant plant(robot, {.q = icat::Vector<double, 7>::Constant(-0.4)});
+  icat::KinematicPlant plant(robot, {.q = Eigen::VectorXd::Constant(7, -0.4)});
   if (robot.update(plant.q(), plant.base()) != icat::Status::ok) return 1;
   const icat::FrameId tool = robot.frame("tool");
   icat::Pose<double> goal = robot.pose(tool);
@@ -24,7 +24,6 @@ int main() {
     plant.step(controller.command(), t, dt);
   }
   std::cout.precision(2);
-  std::cout << icat::describe(status) << ": tool error "
-            << 1e3 * (goal.translation() - robot.pose(tool).translation()).norm()
+  std::cout << icat::describe(status) << ": tool error " << 1e3 * reach.position_error()
             << " mm, vehicle moved " << plant.base().translation().norm() << " m\n";
 }

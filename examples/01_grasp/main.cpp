@@ -2,7 +2,6 @@
 // Runs the reference mission, prints its summary, writes CSV and, where gnuplot is found, pictures.
 #include <chrono>
 #include <cstdio>
-#include <filesystem>
 
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
@@ -11,7 +10,6 @@
 
 namespace {
 
-namespace fs = std::filesystem;
 constexpr double degree = std::numbers::pi / 180;
 
 struct NamedVariant {
@@ -19,7 +17,7 @@ struct NamedVariant {
   const char* title;
   grasp::Variant variant;
 };
-const std::vector<NamedVariant> variants{
+const NamedVariant variants[] = {
     {"plain", "fully actuated vehicle, still water", {}},
     {"underactuated", "roll and pitch not actuated", {.underactuated = true}},
     {"current", "sinusoidal current, no compensation", {.current = true}},
@@ -32,7 +30,7 @@ std::string column_name(std::string name) {
   return name;
 }
 
-void write_csv(const fs::path& folder, const grasp::Result& r) {
+void write_csv(const std::string& folder, const grasp::Result& r) {
   std::string header =
       "t,q1,q2,q3,q4,q5,q6,q7,qdot1,qdot2,qdot3,qdot4,qdot5,qdot6,qdot7,"
       "command_surge,command_sway,command_heave,command_roll_rate,command_pitch_rate,"
@@ -40,7 +38,7 @@ void write_csv(const fs::path& folder, const grasp::Result& r) {
       "actual_yaw_rate,vehicle_x,vehicle_y,vehicle_z,tool_x,tool_y,tool_z,position_error,"
       "orientation_error,joint_margin,manipulability,centering,attitude,distance,"
       "vehicle_position,vehicle_orientation";
-  for (const auto& task : r.tasks) header += ",a_" + column_name(task);
+  for (const auto& task : r.tasks) header.append(",a_").append(column_name(task));
   support::Csv csv(folder, "mission.csv", header);
   for (const auto& s : r.samples) {
     csv.row(s.t, s.q, s.command, s.vehicle_velocity, s.vehicle.translation(), s.tool.translation(),
@@ -50,29 +48,31 @@ void write_csv(const fs::path& folder, const grasp::Result& r) {
 }
 
 // Snapshots for the 3-D view: hull and arm in turn.
-void write_scene(const fs::path& folder, const grasp::Result& r) {
+void write_scene(const std::string& folder, const grasp::Result& r) {
   support::Strokes strokes(folder, "scene.csv");
-  std::vector<double> times;
-  for (const auto& phase : r.phases) times.push_back(phase.second);
-  times.push_back(r.samples.back().t);
-  times.insert(times.begin() + 1, times[1] / 3);
-  times.insert(times.begin() + 2, times[2] / 3 * 2);
-  for (const double t : times) {
+  const auto add = [&](double t) {
     const auto& s = support::sample_at(r.samples, t);
     strokes.add(support::hull_points(s.vehicle));
     strokes.add(s.arm);
-  }
+  };
+  const double end = r.samples.back().t, arrival = r.phases.size() > 1 ? r.phases[1].second : end;
+  add(r.phases[0].second);
+  for (int third = 1; third < 3; ++third) add(arrival / 3 * third);
+  for (std::size_t k = 1; k < r.phases.size(); ++k) add(r.phases[k].second);
+  add(end);
 }
 
-bool draw(const fs::path& folder, const char* title, const grasp::Result& r) {
-  std::string variables = "folder = " + support::quoted(folder.string()) +
-                          "\nmission = " + support::quoted(title) + "\nactivations = '";
-  for (const auto& task : r.tasks) variables += column_name(task) + ' ';
-  variables += "'\nphase_names = '";
-  for (const auto& phase : r.phases) variables += phase.first + ' ';
-  variables += "'\nphase_times = '";
-  for (const auto& phase : r.phases) variables += std::to_string(phase.second) + ' ';
-  return support::draw(variables + "'");
+bool draw(const std::string& folder, const char* title, const grasp::Result& r) {
+  std::string activations, names, times;
+  for (const auto& task : r.tasks) activations.append(column_name(task)).append(" ");
+  for (const auto& phase : r.phases) {
+    names.append(phase.first).append(" ");
+    times.append(std::to_string(phase.second)).append(" ");
+  }
+  return support::draw(folder, {{"mission", title},
+                                {"activations", activations},
+                                {"phase_names", names},
+                                {"phase_times", times}});
 }
 
 void print(const NamedVariant& v, const grasp::Result& r, double seconds) {
@@ -117,7 +117,7 @@ int main(int argc, char** argv) {
     const bool must_grasp = !v.variant.current || v.variant.compensation;
     all_well = all_well && r.status == icat::Status::ok && r.violations.empty() && r.lifted &&
                (r.grasped || !must_grasp);
-    const fs::path folder = fs::path(arguments.output) / v.name;
+    const std::string folder = arguments.output + "/" + v.name;
     write_csv(folder, r);
     write_scene(folder, r);
     if (drawn) drawn = draw(folder, v.title, r);

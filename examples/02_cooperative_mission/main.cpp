@@ -103,14 +103,12 @@ void write_scene(const fs::path& folder, const cooperation::Result& r) {
 }
 
 bool draw(const fs::path& folder, const char* title, const cooperation::Result& r) {
-  std::string variables = "folder = " + support::quoted(folder.string()) +
-                          "\nmission = " + support::quoted(title) + "\ntasks = '";
-  for (const char* task : cooperation::task_names) variables += std::string(task) + ' ';
-  variables += "'\nends = '";
-  for (const double end : r.ends) variables += std::to_string(end) + ' ';
-  variables += "'\nsnapshots = '";
-  for (const double t : snapshot_times(r)) variables += std::to_string(t) + ' ';
-  return support::draw(variables + "'");
+  std::string tasks, ends, snapshots;
+  for (const char* task : cooperation::task_names) tasks += std::string(task) + ' ';
+  for (const double end : r.ends) ends += std::to_string(end) + ' ';
+  for (const double t : snapshot_times(r)) snapshots += std::to_string(t) + ' ';
+  return support::draw(
+      folder, {{"mission", title}, {"tasks", tasks}, {"ends", ends}, {"snapshots", snapshots}});
 }
 
 void print_phases(const std::map<std::string, cooperation::Result>& results) {

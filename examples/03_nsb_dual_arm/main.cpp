@@ -66,10 +66,10 @@ void write_snapshots(const std::string& folder, const nsb::Scenario& scenario,
       {r.samples.front().reference.translation(), r.samples.back().reference.translation()});
 }
 
-bool draw(const fs::path& folder) {
-  std::string variables = "folder = " + support::quoted(folder.string()) + "\ntimes = '";
-  for (const double t : snapshots) variables += std::to_string(static_cast<int>(t)) + " ";
-  return support::draw(variables + "'");
+bool draw(const std::string& folder) {
+  std::string times;
+  for (const double t : snapshots) times += std::to_string(static_cast<int>(t)) + " ";
+  return support::draw(folder, {{"times", times}});
 }
 
 template <class Cell>

@@ -149,8 +149,8 @@ int main(int argc, char** argv) {
   }
   if (arguments.extended) sensitivity(arguments.output);
   const bool drawn = arguments.pictures &&
-                     support::draw("folder = " + support::quoted(arguments.output) + "\nrows = '" +
-                                   names + "'\nstudy = " + (arguments.extended ? "1" : "0"));
+                     support::draw(arguments.output,
+                                   {{"rows", names}, {"study", arguments.extended ? "yes" : "no"}});
   std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
   bool all_well = true;
   for (const auto& r : t.results) all_well = all_well && r.status == icat::Status::ok;

@@ -20,7 +20,7 @@ plot for [i=1:6] folder.'/'.word(rows,i).'.csv' using 't':'moment' with lines lw
 set title 'moment, with it'
 plot for [i=7:11] folder.'/'.word(rows,i).'.csv' using 't':'moment' with lines lw 1.5 title word(rows,i)
 unset multiplot
-if (study) {
+if (study eq 'yes') {
   set output folder.'/sensitivity.png'
   set terminal pngcairo size 1200,500 font 'sans,11' background 'white'
   set multiplot layout 1,2 title 'Mean interaction force of each row'

@@ -72,6 +72,6 @@ int main(int argc, char** argv) {
       "%s: manipulability down to %.1e; out of the workspace the tool stays %.0f mm short;\n"
       "back at its goal to %.1e mm; the largest change of a command in %.0f ms is %.3f rad/s\n",
       icat::describe(status), least, 1e3 * farthest, 1e3 * end, 1e3 * dt, worst_step);
-  if (arguments.pictures) support::draw("folder = " + support::quoted(arguments.output));
+  if (arguments.pictures) support::draw(arguments.output);
   return status == icat::Status::ok && end < 1e-4 && farthest > 0.1 && worst_step < 0.1 ? 0 : 1;
 }

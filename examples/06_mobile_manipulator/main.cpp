@@ -86,6 +86,6 @@ int main(int argc, char** argv) {
   std::printf(
       "%s: after 8 s the brush is at most %.2f mm off its line and %.2f deg off the normal\n",
       icat::describe(status), 1e3 * worst, tilt * 180 / pi);
-  if (arguments.pictures) support::draw("folder = " + support::quoted(arguments.output));
+  if (arguments.pictures) support::draw(arguments.output);
   return status == icat::Status::ok && worst < 5e-3 && tilt < 0.01 ? 0 : 1;
 }

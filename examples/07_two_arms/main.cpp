@@ -93,6 +93,6 @@ int main(int argc, char** argv) {
       "%s: hands off their places by %.3f mm at most, tray tilted by %.4f deg, after 5 s off its "
       "loop by %.2f mm\n",
       icat::describe(status), 1e3 * grip, tilt / degree, 1e3 * error);
-  if (arguments.pictures) support::draw("folder = " + support::quoted(arguments.output));
+  if (arguments.pictures) support::draw(arguments.output);
   return status == icat::Status::ok && grip < 1e-3 && tilt < 0.1 * degree && error < 5e-3 ? 0 : 1;
 }

@@ -91,7 +91,7 @@ int main(int argc, char** argv) {
       "by %.2f mm with them\n",
       icat::describe(seeing.status), seeing.attitude * 180 / pi, 1e3 * blind.tool,
       1e3 * seeing.tool);
-  if (arguments.pictures) support::draw("folder = " + support::quoted(arguments.output));
+  if (arguments.pictures) support::draw(arguments.output);
   return seeing.status == icat::Status::ok && seeing.tool < 2e-3 && blind.tool > 10 * seeing.tool
              ? 0
              : 1;

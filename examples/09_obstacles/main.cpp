@@ -94,7 +94,7 @@ int main(int argc, char** argv) {
       "%s: never nearer than %.0f mm to an obstacle, %.0f mm to itself; at the goal to %.1e mm;\n"
       "the largest change of a command in %.0f ms is %.3f rad/s\n",
       icat::describe(status), 1e3 * nearest, 1e3 * own, 1e3 * error, 1e3 * dt, worst_step);
-  if (arguments.pictures) support::draw("folder = " + support::quoted(arguments.output));
+  if (arguments.pictures) support::draw(arguments.output);
   const bool safe = status == icat::Status::ok && nearest > 0.015 && own > 0.015;
   return safe && error < 1e-3 && worst_step < 0.3 ? 0 : 1;
 }

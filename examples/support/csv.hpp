@@ -3,64 +3,70 @@
 #pragma once
 
 #include <algorithm>
-#include <filesystem>
-#include <fstream>
+#include <cstdio>
 #include <icat/core/types.hpp>
 #include <initializer_list>
+#include <memory>
 #include <string>
 
 namespace support {
 
+/// Numbers in a text file; where it cannot be opened, nowhere.
+class TextFile {
+ protected:
+  /// `folder` is created if need be.
+  TextFile(const std::string& folder, const std::string& name);
+  void put(const char* text);
+  void put(double value);
+
+ private:
+  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
+};
+
 /// Comma-separated, one line a row.
-class Csv {
+class Csv : TextFile {
  public:
-  /// `folder` is created if need be; `header` names the columns.
-  Csv(const std::filesystem::path& folder, const std::string& name, const std::string& header) {
-    std::filesystem::create_directories(folder);
-    out_.open(folder / name);
-    out_.precision(9);
-    out_ << header << '\n';
-  }
+  /// `header` names the columns.
+  Csv(const std::string& folder, const std::string& name, const std::string& header);
   /// Each value is a number or a range of numbers, such as a vector.
   template <class... Values>
   void row(const Values&... values) {
-    const char* comma = "";
-    const auto put = [&](double value) {
-      out_ << comma << value;
-      comma = ",";
-    };
-    const auto put_all = [&](const auto& value) {
-      if constexpr (requires { double(value); }) {
-        put(double(value));
-      } else {
-        for (const double v : value) put(v);
-      }
-    };
-    (put_all(values), ...);
-    out_ << '\n';
+    (add(values), ...);
+    end();
   }
   void row(std::initializer_list<double> values) { row<std::initializer_list<double>>(values); }
 
  private:
-  std::ofstream out_;
+  template <class Value>
+  void add(const Value& value) {
+    if constexpr (requires { double(value); }) {
+      add(double(value));
+    } else if constexpr (requires { value.data(); }) {
+      for (decltype(value.size()) i = 0; i < value.size(); ++i) add(double(value.data()[i]));
+    } else {
+      for (const double v : value) add(v);
+    }
+  }
+  void add(double value);
+  void end();
+
+  const char* comma_ = "";
 };
 
 /// Blocks of points for gnuplot's `index`.
-class Strokes {
+class Strokes : TextFile {
  public:
-  Strokes(const std::filesystem::path& folder, const std::string& name) {
-    std::filesystem::create_directories(folder);
-    out_.open(folder / name);
-  }
+  Strokes(const std::string& folder, const std::string& name);
   /// The next block; `points` is a range of vectors.
   template <class Points = std::initializer_list<icat::Vector3<double>>>
   void add(const Points& points) {
-    for (const auto& p : points) out_ << p.x() << ',' << p.y() << ',' << p.z() << '\n';
-    out_ << "\n\n";
+    for (const auto& p : points) add(p.x(), p.y(), p.z());
+    end();
   }
 
  private:
-  std::ofstream out_;
+  void add(double x, double y, double z);
+  void end();
 };
 
 /// The first of `samples` at time `t` or later.

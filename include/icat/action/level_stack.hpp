@@ -87,7 +87,7 @@ class LevelStack {
         }
       }
     }
-    wanted_.resize(tasks_.size());
+    wanted_ = detail::List<bool>(tasks_.size());
   }
 
   /// Enters `action` at once, for a start in the middle of things. A refusal changes nothing.
@@ -111,7 +111,7 @@ class LevelStack {
     if (index == action_) return Status::ok;
     set_targets(index);
     action_ = index;
-    return transition_.start(targets_, clock_.elapsed(), duration);
+    return transition_.start({targets_.data(), targets_.size()}, clock_.elapsed(), duration);
   }
   /// A stamp without a cycle.
   Status tick(double time) noexcept { return clock_.advance(time); }
@@ -124,9 +124,9 @@ class LevelStack {
   [[gnu::noinline]] Status refresh() noexcept {
     if (action_ == none) return Status::not_started;
     (void)transition_.update(clock_.elapsed());
-    std::fill(wanted_.begin(), wanted_.end(), char{0});
+    wanted_.fill(false);
     for (std::size_t k = 0; k < task_of_.size(); ++k) {
-      if (transition_.values()[k] > 0) wanted_[task_of_[k]] = 1;
+      if (transition_.values()[k] > 0) wanted_[task_of_[k]] = true;
     }
     for (std::size_t k = 0; k < tasks_.size(); ++k) {
       if (wanted_[k]) tasks_[k]->update();
@@ -161,7 +161,7 @@ class LevelStack {
   /// aᵖ of every entry of the hierarchy, level by level.
   std::span<const double> phase_activations() const noexcept { return transition_.values(); }
   /// The levels of `hierarchy` as of the last `update`.
-  std::span<const RobotLevel> levels() const noexcept { return levels_; }
+  std::span<const RobotLevel> levels() const noexcept { return {levels_.data(), levels_.size()}; }
 
  private:
   static constexpr std::size_t none = static_cast<std::size_t>(-1);
@@ -237,7 +237,7 @@ class LevelStack {
   }
   [[gnu::noinline]] void enter(std::size_t action) noexcept {
     set_targets(action);
-    (void)transition_.set(targets_, clock_.elapsed());
+    (void)transition_.set({targets_.data(), targets_.size()}, clock_.elapsed());
     action_ = action;
   }
   [[gnu::noinline]] void set_targets(std::size_t action) noexcept {
@@ -252,12 +252,12 @@ class LevelStack {
   StepClock clock_;
   UnifiedHierarchy<R> hierarchy_;
   Transition transition_;
-  std::vector<double> targets_;
-  std::vector<std::string> names_;
-  std::vector<Task<R>*> tasks_;
-  std::vector<std::size_t> task_of_;  // which of them, for each entry
-  std::vector<char> wanted_;          // those with a phase activation
-  std::vector<RobotLevel> levels_;
+  detail::List<double> targets_;
+  detail::List<std::string> names_;
+  detail::List<Task<R>*> tasks_;
+  detail::List<std::size_t> task_of_;  // which of them, for each entry
+  detail::List<bool> wanted_;          // those with a phase activation
+  detail::List<RobotLevel> levels_;
   std::size_t action_{none};
 };
 

@@ -11,8 +11,8 @@
 
 #include <cmath>
 #include <span>
-#include <vector>
 
+#include "icat/core/list.hpp"
 #include "icat/core/status.hpp"
 #include "icat/core/types.hpp"
 #include "icat/math/smooth_step.hpp"
@@ -74,7 +74,7 @@ class Transition {
   }
 
   /// The present activations.
-  std::span<const double> values() const noexcept { return value_; }
+  std::span<const double> values() const noexcept { return {value_.data(), count()}; }
   /// The last transition is over.
   bool finished() const noexcept { return now_ >= begin_ + duration_; }
 
@@ -87,7 +87,7 @@ class Transition {
     return Status::ok;
   }
 
-  std::vector<double> start_, target_, value_;
+  detail::List<double> start_, target_, value_;
   double begin_{-infinity<double>}, duration_{1}, now_{-infinity<double>};
 };
 

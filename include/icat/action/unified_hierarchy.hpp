@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "icat/action/action.hpp"
+#include "icat/core/list.hpp"
 
 namespace icat {
 
@@ -23,12 +24,12 @@ template <Robot R>
 struct HierarchyEntry {
   /// Never null.
   Task<R>* task;
-  std::vector<char> in_action;  ///< one for each action: 0 or 1
+  detail::List<bool> in_action;  ///< one for each action
 };
 
-/// Levels of entries, the highest priority first.
+/// Levels of entries, the highest priority first: two lists to read as `std::vector`.
 template <Robot R>
-using UnifiedHierarchy = std::vector<std::vector<HierarchyEntry<R>>>;
+using UnifiedHierarchy = detail::List<detail::List<HierarchyEntry<R>>>;
 
 namespace detail {
 
@@ -36,7 +37,7 @@ namespace detail {
 /// or 1 for each, and tables are flat: every program that has a controller compiles the search, and
 /// each type of a container is a part of what that costs.
 struct ActionOrders {
-  using Numbers = std::vector<std::size_t>;
+  using Numbers = List<std::size_t>;
 
   std::size_t tasks;    ///< how many
   Numbers length = {};  ///< levels of each action
@@ -73,7 +74,7 @@ struct ActionOrders {
   [[gnu::cold]] bool is_within(std::size_t a, std::size_t b) const {
     std::size_t placed = 0;
     for (std::size_t k = 1; k <= length[b]; ++k) {
-      Numbers level(tasks, 0);
+      Numbers level(tasks);
       merge(b, k, level.data());
       if (fits(a, placed + 1, level.data())) ++placed;
     }
@@ -90,7 +91,7 @@ class HierarchySearch {
 
   [[gnu::cold]] explicit HierarchySearch(const ActionOrders& actions) : actions_{actions.tasks} {
     // A list that holds an action holds those within it too.
-    Numbers idle(actions.size(), 0);
+    List<bool> idle(actions.size());
     for (std::size_t a = actions.size(); a-- > 0;) {
       for (std::size_t b = 0; b < actions.size() && !idle[a]; ++b) {
         idle[a] = b != a && !idle[b] && actions.is_within(a, b);
@@ -100,7 +101,7 @@ class HierarchySearch {
       if (!idle[a]) actions_.add(actions.heights(a), actions.length[a]);
     }
     const std::size_t tasks = actions.tasks;
-    part_of_ = visit_ = stack_ = waits_ = conflicts_ = Numbers(tasks, 0);
+    part_of_ = visit_ = stack_ = waits_ = conflicts_ = Numbers(tasks);
   }
 
   /// The levels of the shortest list, the highest first, as sets of tasks one after the other.
@@ -108,10 +109,12 @@ class HierarchySearch {
   [[gnu::cold]] bool solve(Numbers& list) {
     constexpr std::size_t most = 100'000, most_choices = 16;
     const std::size_t count = actions_.size();
-    const Numbers nothing(actions_.tasks, 0);
-    Numbers free, level, choices, placed(count, 0), next;
-    closed_.assign(buckets, 0);
-    nodes_.resize(1);
+    const Numbers nothing(actions_.tasks);
+    Numbers free, level, choices, placed(count), next;
+    closed_ = Numbers(buckets);
+    nodes_ = List<Node>(1);
+    placed_ = placed;
+    levels_ = nothing;
     add(0, nothing, placed);
     while (true) {
       const std::size_t last = open_;
@@ -247,9 +250,7 @@ class HierarchySearch {
     node.levels_bound = node.levels + longest;
     node.parent = below;
     node.depth = 1;
-    placed_.resize(nodes_.size() * actions_.size());
     for (const std::size_t n : placed) placed_.push_back(n);
-    levels_.resize(nodes_.size() * actions_.tasks);
     for (const std::size_t there : level) levels_.push_back(there);
     nodes_.push_back(node);
     open_ = meld(open_, nodes_.size() - 1);
@@ -296,7 +297,7 @@ class HierarchySearch {
   }
 
   ActionOrders actions_;  ///< those to search over
-  std::vector<Node> nodes_;
+  List<Node> nodes_;
   Numbers placed_, levels_;  ///< of each node
   std::size_t open_{0};      ///< the best of those to go on from
   Numbers closed_;           ///< the first of each bucket
@@ -333,7 +334,7 @@ struct ConflictingActions {
 
 /// Where `task` stands in `tasks`; at their end if it was not among them.
 template <Robot R>
-[[gnu::cold]] std::size_t append_once(Task<R>& task, std::vector<Task<R>*>& tasks) {
+[[gnu::cold]] std::size_t append_once(Task<R>& task, List<Task<R>*>& tasks) {
   std::size_t i = 0;
   while (i < tasks.size() && tasks[i] != &task) ++i;
   if (i == tasks.size()) tasks.push_back(&task);
@@ -342,8 +343,8 @@ template <Robot R>
 
 /// The tasks of all actions, each once: their numbers are the indices here.
 template <Robot R>
-[[gnu::cold]] std::vector<Task<R>*> distinct_tasks(const std::vector<Action<R>>& actions) {
-  std::vector<Task<R>*> tasks;
+[[gnu::cold]] List<Task<R>*> distinct_tasks(const std::vector<Action<R>>& actions) {
+  List<Task<R>*> tasks;
   for (const Action<R>& action : actions) {
     for (const PriorityLevel<R>& level : action.levels) {
       for (Task<R>& task : level) (void)append_once(task, tasks);
@@ -355,7 +356,7 @@ template <Robot R>
 /// The orders of the actions, which are checked.
 template <Robot R>
 [[gnu::cold]] ActionOrders action_orders(const std::vector<Action<R>>& actions,
-                                         const std::vector<Task<R>*>& tasks) {
+                                         const List<Task<R>*>& tasks) {
   ActionOrders orders{tasks.size()};
   for (const Action<R>& action : actions) {
     for (std::size_t b = 0; b < orders.size(); ++b) {
@@ -363,7 +364,7 @@ template <Robot R>
         invalid("unified_hierarchy: two actions are called '", action.name, "'");
       }
     }
-    ActionOrders::Numbers heights(tasks.size(), 0);
+    ActionOrders::Numbers heights(tasks.size());
     for (std::size_t k = 0; k < action.levels.size(); ++k) {
       if (action.levels[k].empty()) {
         invalid("action '", action.name, "': level ", k, " has no tasks");
@@ -392,7 +393,7 @@ template <Robot R>
 template <Robot R>
 [[gnu::cold]] UnifiedHierarchy<R> unified_hierarchy(const std::vector<Action<R>>& actions) {
   if (actions.empty()) detail::invalid("unified_hierarchy: there are no actions");
-  const std::vector<Task<R>*> tasks = detail::distinct_tasks(actions);
+  const detail::List<Task<R>*> tasks = detail::distinct_tasks(actions);
   const detail::ActionOrders orders = detail::action_orders(actions, tasks);
   detail::ActionOrders::Numbers list, left = orders.length;
   if (!detail::HierarchySearch(orders).solve(list)) {
@@ -401,21 +402,21 @@ template <Robot R>
         "unified_hierarchy: the orders conflict too much for a shortest list, most of all '",
         actions[worst.first].name, "' and '", actions[worst.second].name, "'; use fewer actions");
   }
-  UnifiedHierarchy<R> levels(tasks.empty() ? 0 : list.size() / tasks.size());
+  UnifiedHierarchy<R> levels(tasks.size() == 0 ? 0 : list.size() / tasks.size());
   for (std::size_t k = 0; k < levels.size(); ++k) {
     const std::size_t* level = list.data() + k * tasks.size();
     std::size_t count = 0;
     for (std::size_t t = 0; t < tasks.size(); ++t) count += level[t];
-    levels[k] = std::vector<HierarchyEntry<R>>(count);
+    levels[k] = detail::List<HierarchyEntry<R>>(count);
     for (std::size_t t = 0, i = 0; t < tasks.size(); ++t) {
       if (!level[t]) continue;
       levels[k][i].task = tasks[t];
-      levels[k][i++].in_action.assign(actions.size(), 0);
+      levels[k][i++].in_action = detail::List<bool>(actions.size());
     }
     for (std::size_t a = 0; a < actions.size(); ++a) {
       if (!orders.fits(a, left[a], level)) continue;
       for (std::size_t t = 0, i = 0; t < tasks.size(); ++t) {
-        if (orders.heights(a)[t] == left[a]) levels[k][i].in_action[a] = 1;
+        if (orders.heights(a)[t] == left[a]) levels[k][i].in_action[a] = true;
         i += level[t];
       }
       --left[a];

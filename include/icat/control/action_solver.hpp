@@ -98,9 +98,9 @@ class ActionSolver {
   Status solve(std::span<const Level<Scalar, R::size>> levels, const Velocity& measured,
                ColumnRange moving, const Velocity& as) noexcept {
     if (measured.size() != velocity_.size()) return Status::wrong_size;
-    for (Index c = 0; c < velocity_.size(); ++c) tpik_.measured()(c) = measured(c);
+    detail::copy(measured, tpik_.measured());
     const Status status = tpik_.solve(levels, moving, as);
-    std::copy_n(tpik_.solver().velocity().data(), velocity_.size(), velocity_.data());
+    detail::copy(tpik_.solver().velocity(), velocity_);
     return status;
   }
 

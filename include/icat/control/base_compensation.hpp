@@ -35,6 +35,8 @@ class BaseCompensation {
       : tpik_(robot, options, given),
         base_(robot.base_columns()),
         law_(joints(robot), {options.regularization, options.projection_weight}),
+        bounds_{detail::zeros<JointVelocity>(robot.dof() - base_.count),
+                detail::zeros<JointVelocity>(robot.dof() - base_.count)},
         joint_velocity_(detail::zeros<JointVelocity>(robot.dof() - base_.count)),
         wanted_(joint_velocity_) {
     for (Index c = 0; c < robot.dof(); ++c) {
@@ -48,7 +50,6 @@ class BaseCompensation {
     for (const auto& level : levels) rows = std::max(rows, level.jacobian.rows());
     split_.resize(rows, joint_velocity_.size() + 6);
     reference_.resize(rows);
-    bounds_.lower = bounds_.upper = joint_velocity_;
     for (std::size_t k = 0; k < columns_.size(); ++k) {
       bounds_.lower(static_cast<Index>(k)) = options.bounds.lower_of(columns_[k]);
       bounds_.upper(static_cast<Index>(k)) = options.bounds.upper_of(columns_[k]);
@@ -122,7 +123,7 @@ class BaseCompensation {
 
   Status take(const Velocity& measured) noexcept {
     if (measured.size() != tpik_.measured().size()) return Status::wrong_size;
-    for (Index c = 0; c < measured.size(); ++c) tpik_.measured()(c) = measured(c);
+    detail::copy(measured, tpik_.measured());
     return Status::ok;
   }
   Status run_law(std::span<const Level<Scalar, R::size>> levels) noexcept {
@@ -163,7 +164,7 @@ class BaseCompensation {
 
   detail::GivenTpik<R, Regularization> tpik_;
   ColumnRange base_;
-  std::vector<Index> columns_;  // those that are not the base's
+  detail::List<Index> columns_;  // those that are not the base's
   Law law_;
   VelocityBounds<Scalar, Eigen::Dynamic> bounds_;
   JointVelocity joint_velocity_, wanted_, reference_;

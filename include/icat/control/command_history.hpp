@@ -4,8 +4,8 @@
 #pragma once
 
 #include <algorithm>
-#include <vector>
 
+#include "icat/core/list.hpp"
 #include "icat/core/types.hpp"
 
 namespace icat::detail {
@@ -19,7 +19,7 @@ class CommandHistory {
   [[gnu::cold]] CommandHistory(Index n, double window)
       : size_(static_cast<std::size_t>(n) + 1),
         // Two that follow each other last longer than `shortest` together.
-        entries_(size_ * (2 * static_cast<std::size_t>(window / shortest) + 4), 0.0) {}
+        entries_(size_ * (2 * static_cast<std::size_t>(window / shortest) + 4)) {}
 
   /// `velocity` was in force for `duration` s, and is the newest.
   template <class V>
@@ -54,7 +54,7 @@ class CommandHistory {
   static constexpr double shortest = 1e-3;  // s
 
   std::size_t size_{1}, newest_{0};
-  std::vector<double> entries_;  // duration and velocity, one after the other
+  List<double> entries_;  // duration and velocity, one after the other
 };
 
 }  // namespace icat::detail

@@ -201,7 +201,7 @@ class Controller {
     if (status == Status::ok) {
       (void)solver_.set_bounds(limits_.bounds());
       status = solver_.solve(measured_);
-      answer_ = solver_.velocity();
+      detail::copy(solver_.velocity(), answer_);
     }
     ramp_.update(status, now);
     apply();
@@ -231,7 +231,7 @@ class Controller {
     bool all = limits_.limit_base(ramp_.wanted(answer_));
     if (!all && ramp_.runs() && ramp_.settled() &&
         solver_.solve(measured_, base, limits_.command()) == Status::ok) {
-      answer_ = solver_.velocity();
+      detail::copy(solver_.velocity(), answer_);
     }
     all = limits_.limit_joints(ramp_.wanted(answer_)) && all;
     limited_ = !all;

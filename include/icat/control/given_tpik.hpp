@@ -27,20 +27,19 @@ class GivenTpik {
         measured_(zeros<Velocity>(robot.dof())),
         rho0_(measured_),
         start_(identity<typename Solver::SquareN>(robot.dof())),
-        given_(static_cast<std::size_t>(robot.dof()), 0),
-        fixed_(options.bounds) {
-    bounds_.lower = bounds_.upper = measured_;
+        given_(static_cast<std::size_t>(robot.dof())),
+        fixed_(options.bounds),
+        bounds_{measured_, measured_} {
     check_columns("the given columns", given, robot.dof());
     for (const Index c : given) set_given(c, true);
   }
 
   void set_given(Index column, bool given) noexcept {
-    given_[static_cast<std::size_t>(column)] = given ? 1 : 0;
-    any_ = std::find(given_.begin(), given_.end(), 1) != given_.end();
+    given_[static_cast<std::size_t>(column)] = given;
+    any_ = false;
+    for (const bool is : given_) any_ = any_ || is;
   }
-  bool is_given(Index column) const noexcept {
-    return given_[static_cast<std::size_t>(column)] != 0;
-  }
+  bool is_given(Index column) const noexcept { return given_[static_cast<std::size_t>(column)]; }
 
   bool any_given() const noexcept { return any_; }
   /// Bounds from now on, within those of the options.
@@ -95,7 +94,7 @@ class GivenTpik {
   Solver solver_;
   Velocity measured_, rho0_;
   typename Solver::SquareN start_;  // diagonal
-  std::vector<char> given_;
+  List<bool> given_;
   VelocityBounds<Scalar, R::size> fixed_, bounds_;
   bool any_{false};
 };

@@ -56,11 +56,11 @@ class MotionLimits {
     Scalar max_velocity{infinity<Scalar>};      ///< of every joint; its own where that is less
     Scalar max_acceleration{infinity<Scalar>};  ///< likewise
     /// In place of what the robot says of the joints of these names.
-    std::vector<JointInfo<Scalar>> joints = std::initializer_list<JointInfo<Scalar>>{};
+    std::vector<JointInfo<Scalar>> joints = EmptyList{};
     /// Of the base's columns, one each, > 0, or none: m/s, rad/s.
-    std::vector<Scalar> base_velocity = std::initializer_list<Scalar>{};
+    std::vector<Scalar> base_velocity = EmptyList{};
     /// Likewise, m/s², rad/s².
-    std::vector<Scalar> base_acceleration = std::initializer_list<Scalar>{};
+    std::vector<Scalar> base_acceleration = EmptyList{};
   };
 
   /// Those of the robot it will be used for; nothing else may be asked of it but `of`.
@@ -168,11 +168,10 @@ class MotionLimits {
       : reaction_time_(reaction_time),
         columns_(static_cast<std::size_t>(dof)),
         history_(dof, checked(reaction_time)),
+        bounds_{detail::zeros<Velocity>(dof), detail::zeros<Velocity>(dof)},
         lower_(detail::zeros<Velocity>(dof)),
         upper_(lower_),
         command_(lower_) {
-    bounds_.lower = lower_;
-    bounds_.upper = upper_;
     for (Index c = 0; c < dof; ++c) free(c);
   }
   static double checked(double reaction_time) {
@@ -343,7 +342,7 @@ class MotionLimits {
 
   double reaction_time_{0.1};
   bool unlimited_{false};
-  std::vector<Column> columns_;
+  detail::List<Column> columns_;
   detail::CommandHistory history_;
   VelocityBounds<Scalar, R::size> bounds_;
   Velocity lower_, upper_, command_;

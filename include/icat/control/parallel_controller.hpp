@@ -227,7 +227,7 @@ class ParallelController {
     if (status == Status::ok) {
       (void)first_.set_bounds(limits_.bounds());
       status = first_.solve(measured_);
-      base_.answer = first_.velocity();
+      detail::copy(first_.velocity(), base_.answer);
     }
     finish(base_, status, now);
     (void)limits_.limit_base(base_.ramp.wanted(base_.answer));
@@ -240,7 +240,7 @@ class ParallelController {
     if (status == Status::ok) {
       (void)second_.set_bounds(limits_.bounds());
       status = second_.solve(first_.levels(), measured_);
-      joints_.answer = second_.velocity();
+      detail::copy(second_.velocity(), joints_.answer);
     }
     finish(joints_, status, now);
     (void)limits_.limit_joints(joints_.ramp.wanted(joints_.answer));

@@ -14,7 +14,6 @@
 /// the solver's bounds, and takes rows in metres as they are.
 #pragma once
 
-#include <memory>
 #include <vector>
 
 #include "icat/action/level_stack.hpp"
@@ -50,24 +49,23 @@ class CentralizedController {
     for (const auto& m : members) {
       tools_.push_back(m.tool);
       velocities_.push_back(detail::zeros<Velocity>(m.robot.get().dof()));
-      parts_.push_back(std::make_unique<LevelStack<R>>(m.robot.get(), m.actions,
-                                                       TimeOptions{}.max_step, Scalar(1)));
+      parts_.emplace_back(m.robot.get(), m.actions, TimeOptions{}.max_step, Scalar(1));
       for (const auto& action : m.actions) {
-        if (parts_.front()->has(action.name) && m.actions.size() == members[0].actions.size()) {
+        if (parts_.front().has(action.name) && m.actions.size() == members[0].actions.size()) {
           continue;
         }
         detail::invalid("CentralizedController: all robots need the same actions, robot ",
                         parts_.size() - 1, " has '", action.name, "'");
       }
-      if (parts_.back()->levels().size() != parts_.front()->levels().size()) {
-        detail::invalid("CentralizedController: hierarchies of ", parts_.front()->levels().size(),
-                        " and ", parts_.back()->levels().size(), " levels");
+      if (parts_.back().levels().size() != parts_.front().levels().size()) {
+        detail::invalid("CentralizedController: hierarchies of ", parts_.front().levels().size(),
+                        " and ", parts_.back().levels().size(), " levels");
       }
     }
     const Index n = tpik_.dof();
-    for (std::size_t k = 0; k < parts_.front()->levels().size(); ++k) {
+    for (std::size_t k = 0; k < parts_.front().levels().size(); ++k) {
       Index rows = 0;
-      for (const auto& part : parts_) rows += part->levels()[k].jacobian.rows();
+      for (const auto& part : parts_) rows += part.levels()[k].jacobian.rows();
       levels_.push_back({Matrix::Zero(rows, n), Rows::Zero(rows), Rows::Zero(rows), {}});
     }
     const Index constraints = 6 * static_cast<Index>(members.size() - 1);
@@ -98,7 +96,7 @@ class CentralizedController {
   Status step(double time, Scalar firmness) noexcept {
     if (!(firmness >= Scalar(0) && firmness <= Scalar(1))) return Status::activation_out_of_range;
     Status status = all([&](auto& part) { return part.update(time); });
-    const StepClock& clock = parts_.front()->clock();
+    const StepClock& clock = parts_.front().clock();
     const Cycle now = clock.since(time_);
     if (status == Status::not_started) return status;
     if (status == Status::ok && clock.stalled()) status = Status::clock_stalled;
@@ -122,7 +120,7 @@ class CentralizedController {
   std::size_t exchanged_numbers(std::size_t index) const noexcept {
     const auto n = static_cast<std::size_t>(robot(index).dof());
     std::size_t numbers = 6 * n + n;
-    for (const auto& level : parts_[index]->levels()) {
+    for (const auto& level : parts_[index].levels()) {
       for (Index i = 0; i < level.activation.size(); ++i) {
         if (level.activation(i) > Scalar(0)) numbers += n + 2;
       }
@@ -134,7 +132,7 @@ class CentralizedController {
 
  private:
   // Of a stamp without a cycle.
-  double pending() const noexcept { return parts_.front()->clock().elapsed() - time_.last; }
+  double pending() const noexcept { return parts_.front().clock().elapsed() - time_.last; }
   using Matrix = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
   using Rows = Vector<Scalar, Eigen::Dynamic>;
   using Solver = Tpik<Scalar, Eigen::Dynamic, Regularization>;
@@ -160,7 +158,7 @@ class CentralizedController {
   Status all(F f) noexcept {
     Status first = Status::ok;
     for (auto& part : parts_) {
-      const Status status = f(*part);
+      const Status status = f(part);
       if (first == Status::ok) first = status;
     }
     return first;
@@ -173,7 +171,7 @@ class CentralizedController {
       auto& level = levels_[k];
       Index row = 0, column = 0;
       for (std::size_t i = 0; i < parts_.size(); ++i) {
-        const auto& own = parts_[i]->levels()[k];
+        const auto& own = parts_[i].levels()[k];
         const Index rows = own.jacobian.rows();
         level.jacobian.block(row, column, rows, own.jacobian.cols()) = own.jacobian;
         level.activation.segment(row, rows) = own.activation;
@@ -232,10 +230,10 @@ class CentralizedController {
     return kept;
   }
 
-  const R& robot(std::size_t i) const noexcept { return parts_[i]->robot(); }
+  const R& robot(std::size_t i) const noexcept { return parts_[i].robot(); }
 
   std::vector<FrameId> tools_;
-  std::vector<std::unique_ptr<LevelStack<R>>> parts_;
+  std::vector<LevelStack<R>> parts_;
   Solver tpik_;
   detail::CommandRamp<Scalar, Eigen::Dynamic> ramp_;
   Rows command_;

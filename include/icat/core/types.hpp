@@ -56,13 +56,17 @@ using Matrix6 = Eigen::Matrix<Scalar, 6, 6>;
 
 namespace detail {
 
-// What `setConstant`, `Zero` and `Identity` do, without a type of expression for each matrix type:
-// compilers spend more on those than on the solver.
+// What `setConstant`, `Zero`, `Identity` and `=` do, without a type of expression for each matrix
+// type: compilers spend more on those than on the solver.
 
 template <class M>
 void fill(M& m, typename M::Scalar value) noexcept {
   typename M::Scalar* x = m.data();
   for (Index i = 0; i < m.size(); ++i) x[i] = value;
+}
+template <class M>
+void copy(const M& from, M& to) noexcept {  // of one size
+  for (Index i = 0; i < to.size(); ++i) to.data()[i] = from.data()[i];
 }
 template <class M>
 M zeros(Index rows, Index cols = 1) {

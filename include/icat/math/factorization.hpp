@@ -16,7 +16,7 @@ struct Reflection {
   Scalar length;  ///< what is left of x on its axis
 
   /// Maps x onto axis `k`; x becomes v. The identity for x = 0.
-  static Reflection make(Index rows, Scalar* x, Index k) noexcept {
+  [[gnu::noinline]] static Reflection make(Index rows, Scalar* x, Index k) noexcept {
     const Scalar square = dot(rows, x, x);
     if (!(square > std::numeric_limits<Scalar>::min())) return {Scalar(0), Scalar(0)};
     const Scalar alpha = x[k];
@@ -27,23 +27,24 @@ struct Reflection {
   }
 };
 
+/// Of the `k` columns of x.
 template <class Scalar>
-inline void reflect(Index rows, Scalar tau, const Scalar* v, Scalar* x) noexcept {
-  axpy(rows, -tau * dot(rows, v, x), v, x);
+void reflect(Index rows, Scalar tau, const Scalar* v, Index k, Panel<Scalar> x) noexcept {
+  add_projection(rows, -tau, v, k, x, x);
 }
-
-/// The same by a v that is zero above row `k` of n.
+/// The same by a v that is zero above row `i` of n.
 template <class Scalar>
-inline void reflect_from(Index k, Index n, Scalar tau, const Scalar* v, Scalar* x) noexcept {
-  const Index top = packet_begin<Scalar>(k);
-  reflect(n - top, tau, v + top, x + top);
+void reflect_from(Index i, Index n, Scalar tau, const Scalar* v, Index k,
+                  Panel<Scalar> x) noexcept {
+  const Index top = packet_begin<Scalar>(i);
+  reflect(n - top, tau, v + top, k, x.below(top));
 }
 
 /// The triangle R of `a = Y R` (rows × cols) takes the place of a; reflection k is I − tau_k v_k
 /// v_kᵀ with v_k zero above row k. Returns their number.
 template <class Scalar>
-Index triangularize(Index rows, Index cols, Panel<Scalar> a, Panel<Scalar> v,
-                    Scalar* tau) noexcept {
+[[gnu::noinline]] Index triangularize(Index rows, Index cols, Panel<Scalar> a, Panel<Scalar> v,
+                                      Scalar* tau) noexcept {
   const Index steps = std::min(rows, cols);
   for (Index k = 0; k < steps; ++k) {
     const Index top = packet_begin<Scalar>(k), n = rows - top;
@@ -55,7 +56,7 @@ Index triangularize(Index rows, Index cols, Panel<Scalar> a, Panel<Scalar> v,
     tau[k] = r.tau;
     std::fill_n(a[k] + k, rows - k, Scalar(0));
     a(k, k) = r.length;
-    for (Index c = k + 1; c < cols; ++c) reflect(n, r.tau, x, a[c] + top);
+    reflect(n, r.tau, x, cols - k - 1, a.from(k + 1).below(top));
   }
   return steps;
 }
@@ -63,8 +64,8 @@ Index triangularize(Index rows, Index cols, Panel<Scalar> a, Panel<Scalar> v,
 /// R of RᵀR + `rows` `rows`ᵀ, R as its transpose `triangle`, r × r; `rows` (r × k) is overwritten.
 /// Two columns of scratch.
 template <class Scalar>
-void fold(Index r, Index k, Panel<Scalar> rows, Panel<Scalar> triangle, Scalar* w,
-          Scalar* x) noexcept {
+[[gnu::noinline]] void fold(Index r, Index k, Panel<Scalar> rows, Panel<Scalar> triangle, Scalar* w,
+                            Scalar* x) noexcept {
   for (Index i = 0; i < r; ++i) {  // a reflection of row i onto its diagonal, across the columns
     Scalar square(0);
     for (Index c = 0; c < k; ++c) square += rows(i, c) * rows(i, c);
@@ -74,9 +75,42 @@ void fold(Index r, Index k, Panel<Scalar> rows, Panel<Scalar> triangle, Scalar* 
     const Scalar tau = (beta - alpha) / beta, unit = Scalar(1) / (alpha - beta);
     for (Index c = 0; c < k; ++c) x[c] = rows(i, c) * unit;
     std::copy_n(triangle[i], triangle.stride, w);
-    product<Into::add, Scalar>(r, 1, k, rows, {x, 1, 0}, {w, 0});
+    product(Into::add, r, 1, k, rows, {x, 1, 0}, {w, 0});
     axpy(r, -tau, w, triangle[i]);
-    for (Index c = 0; c < k; ++c) axpy(r, -tau * x[c], w, rows[c]);
+    add_outer(r, k, -tau, w, x, 1, rows);
+  }
+}
+
+/// An implicit QR step on the symmetric tridiagonal matrix from `start` to `end` (Golub & Van Loan,
+/// 8.3); column k of `vectors` has `rows` + k elements, n at most.
+template <class Scalar>
+void qr_step(Index start, Index end, Scalar* diagonal, Scalar* sub, Index rows, Index n,
+             Panel<Scalar> vectors) noexcept {
+  const Scalar half = (diagonal[end - 1] - diagonal[end]) / Scalar(2);
+  const Scalar e = sub[end - 1];
+  const Scalar h = std::sqrt(half * half + e * e);
+  const Scalar shift = diagonal[end] - e * (e / (half + (half >= Scalar(0) ? h : -h)));
+  Scalar x = diagonal[start] - shift;
+  Scalar z = sub[start];
+  for (Index k = start; k < end; ++k) {
+    const Scalar r2 = x * x + z * z;
+    if (!(r2 > std::numeric_limits<Scalar>::min())) break;
+    const Scalar r = std::sqrt(r2);
+    const Scalar inverse = r * (Scalar(1) / r2);  // Both long operations at a time.
+    const Scalar c = x * inverse;
+    const Scalar s = z * inverse;
+    const Scalar dk = diagonal[k], dk1 = diagonal[k + 1], ek = sub[k];
+    const Scalar w = s * (dk - dk1) - Scalar(2) * c * ek;
+    diagonal[k] = dk - s * w;
+    diagonal[k + 1] = dk1 + s * w;
+    sub[k] = -c * w - ek;
+    if (k > start) sub[k - 1] = r;
+    x = sub[k];
+    if (k + 1 < end) {
+      z = s * sub[k + 1];
+      sub[k + 1] *= c;
+    }
+    rotate(std::min(rows + k, n), c, s, vectors[k], vectors[k + 1]);
   }
 }
 
@@ -98,7 +132,7 @@ struct JacobiRotation {
 /// eigenvalues of a matrix with large ones keep their digits. False if 30 sweeps do not do (six
 /// are usual).
 template <class Scalar>
-bool jacobi(Index n, Panel<Scalar> s, Panel<Scalar> v) noexcept {
+[[gnu::noinline]] bool jacobi(Index n, Panel<Scalar> s, Panel<Scalar> v) noexcept {
   for (int sweep = 0; sweep < 30; ++sweep) {
     bool rotated = false;
     for (Index i = 0; i < n; ++i) {
@@ -131,7 +165,7 @@ bool jacobi(Index n, Panel<Scalar> s, Panel<Scalar> v) noexcept {
 /// spoilt, at a pivot below `least`: pivots are Schur complements, so none is smaller than the
 /// smallest eigenvalue.
 template <class Scalar>
-bool invert(Index n, Panel<Scalar> s, Scalar least) noexcept {
+[[gnu::noinline]] bool invert(Index n, Panel<Scalar> s, Scalar least) noexcept {
   for (Index p = 0; p < n; ++p) {
     const Scalar pivot = s(p, p);
     if (!(pivot >= least) || !(pivot > Scalar(0))) return false;
@@ -158,13 +192,12 @@ Scalar trace(Index n, Panel<Scalar> s) noexcept {
 /// the inverse of the diagonal on it and anything above. False unless the matrix is positive
 /// definite so far.
 template <class Scalar>
-inline bool cholesky_column(Index n, Index j, Panel<Scalar> s, Scalar shift,
-                            Panel<Scalar> l) noexcept {
+[[gnu::noinline]] bool cholesky_column(Index n, Index j, Panel<Scalar> s, Scalar shift,
+                                       Panel<Scalar> l) noexcept {
   const Index top = packet_begin<Scalar>(j);
   Scalar* x = l[j];
   scale(n - top, Scalar(1), s[j] + top, x + top);
-  product<Into::subtract, Scalar>(n - top, 1, j, l.below(j), {l.data + j, l.stride, 0},
-                                  {x + top, 0});
+  product(Into::subtract, n - top, 1, j, l.below(j), {l.data + j, l.stride, 0}, {x + top, 0});
   const Scalar pivot = x[j] - shift;
   if (!(pivot > Scalar(0))) return false;
   const Scalar inverse = Scalar(1) / std::sqrt(pivot);
@@ -175,7 +208,8 @@ inline bool cholesky_column(Index n, Index j, Panel<Scalar> s, Scalar shift,
 
 /// Whether `s − shift I` is positive definite; `l` is its factor then, as above.
 template <class Scalar>
-bool cholesky(Index n, Panel<Scalar> s, Panel<Scalar> l, Scalar shift = Scalar(0)) noexcept {
+[[gnu::noinline]] bool cholesky(Index n, Panel<Scalar> s, Panel<Scalar> l,
+                                Scalar shift = Scalar(0)) noexcept {
   for (Index j = 0; j < n; ++j) {
     if (!cholesky_column(n, j, s, shift, l)) return false;
   }
@@ -184,7 +218,7 @@ bool cholesky(Index n, Panel<Scalar> s, Panel<Scalar> l, Scalar shift = Scalar(0
 
 /// The lower triangle alone, with its diagonal and zeros above it.
 template <class Scalar>
-void explicit_factor(Index n, Panel<Scalar> l, Panel<Scalar> out) noexcept {
+[[gnu::noinline]] void explicit_factor(Index n, Panel<Scalar> l, Panel<Scalar> out) noexcept {
   for (Index j = 0; j < n; ++j) {
     std::fill_n(out[j], j, Scalar(0));
     std::copy_n(l[j] + j, n - j, out[j] + j);
@@ -195,7 +229,7 @@ void explicit_factor(Index n, Panel<Scalar> l, Panel<Scalar> out) noexcept {
 
 /// `x = (l lᵀ)⁻¹ b`, with zeros after the n elements of x; `b` is overwritten.
 template <class Scalar>
-void cholesky_solve(Index n, Panel<Scalar> l, Scalar* b, Scalar* x) noexcept {
+[[gnu::noinline]] void cholesky_solve(Index n, Panel<Scalar> l, Scalar* b, Scalar* x) noexcept {
   for (Index j = 0; j < n; ++j) {
     const Index top = packet_begin<Scalar>(j);
     const Scalar y = b[j] * l(j, j);

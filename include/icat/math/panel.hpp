@@ -91,17 +91,27 @@ Elements<Scalar> transposed(Panel<Scalar> p) noexcept {
 }
 
 template <class Scalar>
-void clear(Panel<Scalar> p, Index columns) noexcept {
+[[gnu::noinline]] void clear(Panel<Scalar> p, Index columns) noexcept {
   std::fill_n(p.data, columns * p.stride, Scalar(0));
 }
 template <class Scalar>
-void copy(Panel<Scalar> from, Panel<Scalar> to, Index columns) noexcept {
+[[gnu::noinline]] void copy(Panel<Scalar> from, Panel<Scalar> to, Index columns) noexcept {
   std::copy_n(from.data, columns * from.stride, to.data);
 }
 
+/// The first `rows` of `columns`, with zeros below them.
+template <class Scalar>
+[[gnu::noinline]] void copy_rows(Index rows, Index columns, Panel<Scalar> from,
+                                 Panel<Scalar> to) noexcept {
+  for (Index c = 0; c < columns; ++c) {
+    std::copy_n(from[c], rows, to[c]);
+    std::fill_n(to[c] + rows, to.stride - rows, Scalar(0));
+  }
+}
 /// out (cols × rows) = pᵀ, p: rows × cols
 template <class Scalar>
-void transpose(Index rows, Index cols, Panel<Scalar> p, Panel<Scalar> out) noexcept {
+[[gnu::noinline]] void transpose(Index rows, Index cols, Panel<Scalar> p,
+                                 Panel<Scalar> out) noexcept {
   for (Index i = 0; i < rows; ++i) {
     for (Index j = 0; j < cols; ++j) out(j, i) = p(i, j);
     fill_up(cols, out[i]);
@@ -111,12 +121,13 @@ void transpose(Index rows, Index cols, Panel<Scalar> p, Panel<Scalar> out) noexc
 enum class Into { set, add, subtract };
 
 /// R packets by C columns of `c = a b`, `c += a b` or `c −= a b`, all in registers.
-template <Into into, int R, int C, class Scalar>
-inline void product_block(Index depth, const Scalar* a, Index lda, Elements<Scalar> b, Scalar* c,
-                          Index ldc) noexcept {
+template <int R, int C, class Scalar>
+inline void product_block(Into into, Index depth, const Scalar* a, Index lda, Elements<Scalar> b,
+                          Scalar* c, Index ldc) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   constexpr Index size = Simd<Scalar>::size;
+  const Scalar sign = into == Into::subtract ? Scalar(-1) : Scalar(1);
   Packet sum[C][R];
   for (int j = 0; j < C; ++j) {
     for (int i = 0; i < R; ++i) {
@@ -126,10 +137,7 @@ inline void product_block(Index depth, const Scalar* a, Index lda, Elements<Scal
   }
   for (Index k = 0; k < depth; ++k, a += lda, b.data += b.inner) {
     Packet factor[C];
-    for (int j = 0; j < C; ++j) {
-      factor[j] =
-          pset1<Packet>(into == Into::subtract ? -b.data[j * b.outer] : b.data[j * b.outer]);
-    }
+    for (int j = 0; j < C; ++j) factor[j] = pset1<Packet>(sign * b.data[j * b.outer]);
     for (int i = 0; i < R; ++i) {
       const Packet ai = ploadu<Packet>(a + i * size);
       for (int j = 0; j < C; ++j) sum[j][i] = pmadd(ai, factor[j], sum[j][i]);
@@ -142,18 +150,18 @@ inline void product_block(Index depth, const Scalar* a, Index lda, Elements<Scal
 
 /// `c (rows × cols) = a (rows × depth) b (depth × cols)`, or added to or subtracted from c. Whole
 /// packets of rows are computed. `c` must not overlap `a` or `b`.
-template <Into into, class Scalar>
-void product(Index rows, Index cols, Index depth, Panel<Scalar> a, Elements<Scalar> b,
-             Panel<Scalar> c) noexcept {
+template <class Scalar>
+[[gnu::noinline]] void product(Into into, Index rows, Index cols, Index depth, Panel<Scalar> a,
+                               Elements<Scalar> b, Panel<Scalar> c) noexcept {
   constexpr Index size = Simd<Scalar>::size;
   Index i = 0;
   const auto sweep = [&]<int R>(std::integral_constant<int, R>) {
     Elements<Scalar> bj = b;
     Index j = 0;
     for (; j + 2 <= cols; j += 2, bj.data += 2 * b.outer) {
-      product_block<into, R, 2>(depth, a.data + i, a.stride, bj, c[j] + i, c.stride);
+      product_block<R, 2>(into, depth, a.data + i, a.stride, bj, c[j] + i, c.stride);
     }
-    if (j < cols) product_block<into, R, 1>(depth, a.data + i, a.stride, bj, c[j] + i, c.stride);
+    if (j < cols) product_block<R, 1>(into, depth, a.data + i, a.stride, bj, c[j] + i, c.stride);
     i += R * size;
   };
   while (rows - i > 3 * size) sweep(std::integral_constant<int, 4>{});
@@ -161,9 +169,9 @@ void product(Index rows, Index cols, Index depth, Panel<Scalar> a, Elements<Scal
   if (rows - i > 0) sweep(std::integral_constant<int, 1>{});
 }
 
-/// Sum of a_i b_i over `rows`, rounded up to packets.
+/// Sum of a_i b_i over `rows`, rounded up to packets; in line, for inner loops.
 template <class Scalar>
-inline Scalar dot(Index rows, const Scalar* a, const Scalar* b) noexcept {
+inline Scalar inline_dot(Index rows, const Scalar* a, const Scalar* b) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   constexpr Index size = Simd<Scalar>::size;
@@ -177,9 +185,14 @@ inline Scalar dot(Index rows, const Scalar* a, const Scalar* b) noexcept {
   return predux(padd(even, odd));
 }
 
+template <class Scalar>
+[[gnu::noinline]] Scalar dot(Index rows, const Scalar* a, const Scalar* b) noexcept {
+  return inline_dot(rows, a, b);
+}
+
 /// No NaN and no infinity among `n` elements.
 template <class Scalar>
-inline bool all_finite(Index n, const Scalar* x) noexcept {
+[[gnu::noinline]] bool all_finite(Index n, const Scalar* x) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   constexpr Index size = Simd<Scalar>::size;
@@ -209,23 +222,23 @@ inline void dots(Index rows, Panel<Scalar> a, const Scalar* x, Scalar* out) noex
 
 /// `c (k × l) = aᵀ b`
 template <class Scalar>
-void transposed_product(Index rows, Index k, Index l, Panel<Scalar> a, Panel<Scalar> b,
-                        Panel<Scalar> c) noexcept {
+[[gnu::noinline]] void transposed_product(Index rows, Index k, Index l, Panel<Scalar> a,
+                                          Panel<Scalar> b, Panel<Scalar> c) noexcept {
   for (Index j = 0; j < l; ++j) {
     Index i = 0;
     for (; i + 4 <= k; i += 4) dots<4>(rows, a.from(i), b[j], c[j] + i);
-    for (; i < k; ++i) c(i, j) = dot(rows, a[i], b[j]);
+    for (; i < k; ++i) c(i, j) = inline_dot(rows, a[i], b[j]);
     fill_up(k, c[j]);
   }
 }
 
 /// `c (k × k) = aᵀ a`
 template <class Scalar>
-void gram(Index rows, Index k, Panel<Scalar> a, Panel<Scalar> c) noexcept {
+[[gnu::noinline]] void gram(Index rows, Index k, Panel<Scalar> a, Panel<Scalar> c) noexcept {
   for (Index j = 0; j < k; ++j) {
     Index i = j;
     for (; i + 4 <= k; i += 4) dots<4>(rows, a.from(i), a[j], c[j] + i);
-    for (; i < k; ++i) c(i, j) = dot(rows, a[i], a[j]);
+    for (; i < k; ++i) c(i, j) = inline_dot(rows, a[i], a[j]);
     for (i = j + 1; i < k; ++i) c(j, i) = c(i, j);
     fill_up(k, c[j]);
   }
@@ -244,8 +257,8 @@ inline void axpy(Index rows, Scalar s, const Scalar* x, Scalar* y) noexcept {
 
 /// `out = s x + t y`, which may be one of x and y.
 template <class Scalar>
-inline void combine(Index rows, Scalar s, const Scalar* x, Scalar t, const Scalar* y,
-                    Scalar* out) noexcept {
+[[gnu::noinline]] void combine(Index rows, Scalar s, const Scalar* x, Scalar t, const Scalar* y,
+                               Scalar* out) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   const Packet ps = pset1<Packet>(s), pt = pset1<Packet>(t);
@@ -265,10 +278,36 @@ inline void scale(Index rows, Scalar s, const Scalar* x, Scalar* y) noexcept {
   }
 }
 
+/// `to += s from`, `k` columns.
+template <class Scalar>
+[[gnu::noinline]] void add(Index rows, Index k, Scalar s, Panel<Scalar> from,
+                           Panel<Scalar> to) noexcept {
+  for (Index c = 0; c < k; ++c) axpy(rows, s, from[c], to[c]);
+}
+/// `to = s from`, `k` columns; they may be the same.
+template <class Scalar>
+[[gnu::noinline]] void scale(Index rows, Index k, Scalar s, Panel<Scalar> from,
+                             Panel<Scalar> to) noexcept {
+  for (Index c = 0; c < k; ++c) scale(rows, s, from[c], to[c]);
+}
+
+/// `out += s v vᵀ in`, `k` columns; `in` and `out` may be the same.
+template <class Scalar>
+[[gnu::noinline]] void add_projection(Index rows, Scalar s, const Scalar* v, Index k,
+                                      Panel<Scalar> in, Panel<Scalar> out) noexcept {
+  for (Index c = 0; c < k; ++c) axpy(rows, s * inline_dot(rows, v, in[c]), v, out[c]);
+}
+/// `out += s v wᵀ`, `k` columns; elements of w are `step` apart.
+template <class Scalar>
+[[gnu::noinline]] void add_outer(Index rows, Index k, Scalar s, const Scalar* v, const Scalar* w,
+                                 Index step, Panel<Scalar> out) noexcept {
+  for (Index c = 0; c < k; ++c) axpy(rows, s * w[c * step], v, out[c]);
+}
+
 /// `s −= v wᵀ + w vᵀ` in the columns from `first` to n and whole packets of rows from `top`.
 template <class Scalar>
-void subtract_symmetric(Index first, Index top, Index n, const Scalar* v, const Scalar* w,
-                        Panel<Scalar> s) noexcept {
+[[gnu::noinline]] void subtract_symmetric(Index first, Index top, Index n, const Scalar* v,
+                                          const Scalar* w, Panel<Scalar> s) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   for (Index c = first; c < n; ++c) {
@@ -283,7 +322,7 @@ void subtract_symmetric(Index first, Index top, Index n, const Scalar* v, const 
 
 /// (a, b) ← (c a + s b, c b − s a)
 template <class Scalar>
-inline void rotate(Index rows, Scalar c, Scalar s, Scalar* a, Scalar* b) noexcept {
+[[gnu::noinline]] void rotate(Index rows, Scalar c, Scalar s, Scalar* a, Scalar* b) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   const Packet pc = pset1<Packet>(c), ps = pset1<Packet>(s);

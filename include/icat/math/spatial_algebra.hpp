@@ -120,12 +120,14 @@ inline Pose<Scalar> identity_pose() noexcept {
 }
 /// T p
 template <class Scalar>
-inline Vector3<Scalar> transform(const Pose<Scalar>& pose, const Vector3<Scalar>& point) noexcept {
+[[gnu::noinline]] inline Vector3<Scalar> transform(const Pose<Scalar>& pose,
+                                                   const Vector3<Scalar>& point) noexcept {
   return plus(times(rotation(pose), point), origin(pose));
 }
 /// T_a T_b
 template <class Scalar>
-inline Pose<Scalar> compose(const Pose<Scalar>& a, const Pose<Scalar>& b) noexcept {
+[[gnu::noinline]] inline Pose<Scalar> compose(const Pose<Scalar>& a,
+                                              const Pose<Scalar>& b) noexcept {
   return make_pose(times(rotation(a), rotation(b)), transform(a, origin(b)));
 }
 

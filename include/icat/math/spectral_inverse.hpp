@@ -40,14 +40,85 @@ class SpectralInverse {
   /// if anything overflowed.
   template <class Regularization>
   bool apply(Square s, Index n, const Scalar* b, Scalar* z, const Regularization& f) noexcept {
+    return evaluate(false, s, n, b, z, f);
+  }
+  /// The same for `z = S f(S) b`: the identity but for eigenvalues below the threshold, so that no
+  /// digits are lost where f is large.
+  template <class Regularization>
+  bool filter(Square s, Index n, const Scalar* b, Scalar* z, const Regularization& f) noexcept {
+    return evaluate(true, s, n, b, z, f);
+  }
+
+  /// `out` = the part of f(S) of eigenvalues from the threshold on, leading n × n, zeros after each
+  /// column's n; the others are the last `below` columns of `vectors`. Where S = FᵀF is given with
+  /// its `factor` F (`rows` × n), they are as accurate as the singular values of F.
+  template <class Regularization>
+  bool compute(Square s, Index n, Square out, const Regularization& f,
+               const Square* factor = nullptr, Index rows = 0) noexcept {
+    if (!prepare(s, n, Scalar(f.threshold))) return false;
+    if (!(large_ ? rotate_all(s, f) : diagonalize(s, f))) return false;
+    sort(unit_ * Scalar(f.threshold));
+    if (factor != nullptr) refine(*factor, rows, f);
+    copy(vectors_, householder_, n);
+    solve<false>(householder_.data, householder_.stride, n);
+    for (Index i = n - below_; i < n; ++i) clear(householder_.from(i), 1);
+    product(Into::set, n, n, n, householder_, transposed(vectors_), out);
+    // Rows below n are left over from earlier levels.
+    for (Index j = 0; j < n; ++j) {
+      if (!all_finite(n, out[j])) return false;
+    }
+    return true;
+  }
+  /// `out` (n × k) += the part of the others times `in`. As one matrix they would lose digits: f is
+  /// large there.
+  void add_small(Index k, Square in, Square out) const noexcept {
+    add_small(k, in, out, [&](Index i) { return value_[i]; });
+  }
+  /// `y` (n × k) ← S f(S) y
+  void filter(Index k, Square y) const noexcept {
+    add_small(k, y, y, [&](Index i) { return gain(i) - Scalar(1); });
+  }
+
+  /// How many eigenvalues of the last S, or of its part that the last b excites, lay below the
+  /// threshold.
+  Index below() const noexcept { return below_; }
+  /// After `compute`: V, of which the last `below` columns belong to those eigenvalues.
+  Square vectors() const noexcept { return vectors_; }
+  /// f(σ) and σ f(σ) of column `i`, one of those.
+  Scalar inverse(Index i) const noexcept { return value_[i]; }
+  Scalar gain(Index i) const noexcept { return diagonal_[i] * value_[i]; }
+
+ private:
+  template <class Weight>
+  void add_small(Index k, Square in, Square out, Weight weight) const noexcept {
+    for (Index i = n_ - below_; i < n_; ++i) {
+      add_projection(n_, weight(i), vectors_[i], k, in, out);
+    }
+  }
+
+  void set_identity() noexcept {
+    clear(vectors_, n_);
+    for (Index i = 0; i < n_; ++i) vectors_(i, i) = Scalar(1);
+  }
+
+  template <class Regularization>
+  bool evaluate(bool times_s, Square s, Index n, const Scalar* b, Scalar* z,
+                const Regularization& f) noexcept {
     if (!prepare(s, n, Scalar(f.threshold))) return false;
     std::fill_n(z, padded<Scalar>(n), Scalar(0));
+    const auto function = [&](Scalar* y) {
+      if (times_s) {
+        for (Index i = rest_; i < size_; ++i) y[i] *= gain(i) / unit_;
+      } else {
+        solve<true>(y, 1, 1);
+      }
+    };
     if (large_) {
       if (!rotate_all(s, f)) return false;
       transposed_product(n, n, 1, vectors_, {const_cast<Scalar*>(b), 0}, {y_, 0});
-      solve<true>(y_, 1, 1);
-      product<Into::set, Scalar>(n, 1, n, vectors_, {y_, 1, 0}, {z, 0});
-      return std::isfinite(dot(n, z, z));
+      function(y_);
+      product(Into::set, n, 1, n, vectors_, {y_, 1, 0}, {z, 0});
+      return all_finite(n, z);
     }
     Scalar* v = householder_[0];
     std::copy_n(b, n, v);
@@ -61,64 +132,19 @@ class SpectralInverse {
     if (count_below(unit_ * Scalar(f.threshold)) == 0) {
       rest_ = size_;
       z[0] = first.length;
-      solve<true>(z, 1, 1);
+      function(z);
     } else {
       set_identity();
       if (!deflate(f, 2)) return false;
       for (Index i = 0; i < size_; ++i) y_[i] = vectors_(0, i) * first.length;
-      solve<true>(y_, 1, 1);
-      product<Into::set, Scalar>(size_, 1, size_, vectors_, {y_, 1, 0}, {z, 0});
+      function(y_);
+      product(Into::set, size_, 1, size_, vectors_, {y_, 1, 0}, {z, 0});
       std::fill_n(z + size_, padded<Scalar>(n) - size_, Scalar(0));
     }
     for (Index i = reflections_; i-- > 0;) {
-      reflect_from(i, n_, tau_[i], householder_[i], z);
+      reflect_from(i, n_, tau_[i], householder_[i], 1, {z, 0});
     }
-    return std::isfinite(dot(n, z, z));
-  }
-
-  /// `out` = the part of f(S) of eigenvalues from the threshold on, leading n × n, zeros after each
-  /// column's n; the others are the last `below` columns of `vectors`. Where S = FᵀF is given with
-  /// its `factor` F (`rows` × n), they are as accurate as the singular values of F.
-  template <class Regularization>
-  bool compute(Square s, Index n, Square out, const Regularization& f,
-               const Square* factor = nullptr, Index rows = 0) noexcept {
-    if (!prepare(s, n, Scalar(f.threshold))) return false;
-    if (!(large_ ? rotate_all(s, f) : diagonalize(s, f))) return false;
-    if (factor != nullptr && below_ > 0) refine(*factor, rows, f);
-    sort(unit_ * Scalar(f.threshold));
-    copy(vectors_, householder_, n);
-    solve<false>(householder_.data, householder_.stride, n);
-    for (Index i = n - below_; i < n; ++i) clear(householder_.from(i), 1);
-    product<Into::set>(n, n, n, householder_, transposed(vectors_), out);
-    // Rows below n are left over from earlier levels.
-    for (Index j = 0; j < n; ++j) {
-      if (!all_finite(n, out[j])) return false;
-    }
-    return true;
-  }
-  /// `out` (n × k) += the part of the others times `in`. As one matrix they would lose digits: f is
-  /// large there.
-  void add_small(Index k, Square in, Square out) const noexcept {
-    for (Index c = 0; c < k; ++c) {
-      for (Index i = n_ - below_; i < n_; ++i) {
-        axpy(n_, value_[i] * dot(n_, vectors_[i], in[c]), vectors_[i], out[c]);
-      }
-    }
-  }
-
-  /// How many eigenvalues of the last S, or of its part that the last b excites, lay below the
-  /// threshold.
-  Index below() const noexcept { return below_; }
-  /// After `compute`: V, of which the last `below` columns belong to those eigenvalues.
-  Square vectors() const noexcept { return vectors_; }
-  /// f(σ) and σ f(σ) of column `i`, one of those.
-  Scalar inverse(Index i) const noexcept { return value_[i]; }
-  Scalar gain(Index i) const noexcept { return diagonal_[i] * value_[i]; }
-
- private:
-  void set_identity() noexcept {
-    clear(vectors_, n_);
-    for (Index i = 0; i < n_; ++i) vectors_(i, i) = Scalar(1);
+    return all_finite(n, z);
   }
 
   /// V and the eigenvalues below the threshold, by steps 1 to 3.
@@ -128,9 +154,7 @@ class SpectralInverse {
     count_below(unit_ * Scalar(f.threshold));
     set_identity();
     for (Index i = reflections_; i-- > 0;) {
-      for (Index j = i + 1; j < n_; ++j) {
-        reflect_from(i + 1, n_, tau_[i], householder_[i], vectors_[j]);
-      }
+      reflect_from(i + 1, n_, tau_[i], householder_[i], n_ - i - 1, vectors_.from(i + 1));
     }
     return deflate(f, n_);
   }
@@ -164,7 +188,7 @@ class SpectralInverse {
       const int exponent = std::clamp(std::ilogb(scale_), std::numeric_limits<Scalar>::min_exponent,
                                       std::numeric_limits<Scalar>::max_exponent - 3);
       unit_ = std::ldexp(Scalar(1), -exponent);
-      for (Index j = 0; j < n; ++j) scale(n, unit_, s[j], s[j]);
+      scale(n, n, unit_, s, s);
       scale_ *= unit_;
     }
     return true;
@@ -176,7 +200,7 @@ class SpectralInverse {
     ++reflections_;
     const Index top = packet_begin<Scalar>(k), rows = n_ - top;
     Scalar* w = p_;
-    product<Into::set, Scalar>(rows, 1, n_ - k, s.from(k).below(k), {v + k, 1, 0}, {w + top, 0});
+    product(Into::set, rows, 1, n_ - k, s.from(k).below(k), {v + k, 1, 0}, {w + top, 0});
     combine(rows, tau, w + top, -tau * (tau * dot(rows, w + top, v + top)) / Scalar(2), v + top,
             w + top);
     subtract_symmetric(k, top, n_, v, w, s);
@@ -257,7 +281,7 @@ class SpectralInverse {
       if (steps-- == 0) return false;
       Index start = end - 1;
       while (start > 0 && !(std::abs(sub_[start - 1]) <= nothing)) --start;
-      qr_step(start, end, rows++);
+      qr_step(start, end, diagonal_, sub_, rows++, n_, vectors_);
     }
     rest_ = end + 1;
     return true;
@@ -270,33 +294,28 @@ class SpectralInverse {
   void refine(Square factor, Index rows, const Regularization& f) noexcept {
     const Square c = householder_, v = vectors_;
     const Scalar rounding = Scalar(rows) * std::numeric_limits<Scalar>::epsilon();
-    const auto small = [&](Index i) { return diagonal_[i] < unit_ * Scalar(f.threshold); };
-    for (Index i = rest_; i < size_; ++i) {
-      if (!small(i)) continue;
-      product<Into::set, Scalar>(rows, 1, n_, factor, {v[i], 1, 0}, {c[i], 0});
-      value_[i] = dot(rows, c[i], c[i]);
-    }
+    const Index first = n_ - below_;
+    product(Into::set, rows, below_, n_, factor, elements(v.from(first)), c.from(first));
+    for (Index i = first; i < n_; ++i) value_[i] = dot(rows, c[i], c[i]);
     bool rotated = true;
     for (int sweep = 0; sweep < 4 && rotated; ++sweep) {
       rotated = false;
-      for (Index i = rest_; i < size_; ++i) {
-        for (Index j = i + 1; j < size_; ++j) {
-          if (!small(i) || !small(j)) continue;
+      for (Index i = first; i < n_; ++i) {
+        for (Index j = i + 1; j < n_; ++j) {
           const Scalar product = dot(rows, c[i], c[j]);
-          if (!(std::abs(product) > rounding * std::sqrt(value_[i]) * std::sqrt(value_[j])))
+          if (!(std::abs(product) > rounding * std::sqrt(value_[i]) * std::sqrt(value_[j]))) {
             continue;
+          }
           rotated = true;
           const auto r = JacobiRotation<Scalar>::make(value_[i], value_[j], product);
           rotate(rows, r.cosine, -r.sine, c[i], c[j]);
           rotate(n_, r.cosine, -r.sine, v[i], v[j]);
-          value_[i] = dot(rows, c[i], c[i]);
-          value_[j] = dot(rows, c[j], c[j]);
+          for (const Index k : {i, j}) value_[k] = dot(rows, c[k], c[k]);
         }
       }
     }
-    for (Index i = rest_; i < size_; ++i) {
-      if (!small(i)) continue;
-      diagonal_[i] = unit_ * value_[i];
+    for (Index i = first; i < n_; ++i) {
+      diagonal_[i] = value_[i];
       value_[i] = f.inverse(value_[i]);
     }
   }
@@ -313,35 +332,6 @@ class SpectralInverse {
       diagonal_[last] = std::max(diagonal_[last], Scalar(0)) / unit_;
     }
     below_ = size_ - last;
-  }
-
-  void qr_step(Index start, Index end, Index rows) noexcept {
-    const Scalar half = (diagonal_[end - 1] - diagonal_[end]) / Scalar(2);
-    const Scalar e = sub_[end - 1];
-    const Scalar h = std::sqrt(half * half + e * e);
-    const Scalar shift = diagonal_[end] - e * (e / (half + (half >= Scalar(0) ? h : -h)));
-    Scalar x = diagonal_[start] - shift;
-    Scalar z = sub_[start];
-    for (Index k = start; k < end; ++k) {
-      const Scalar r2 = x * x + z * z;
-      if (!(r2 > std::numeric_limits<Scalar>::min())) break;
-      const Scalar r = std::sqrt(r2);
-      const Scalar inverse = r * (Scalar(1) / r2);  // Both long operations at a time.
-      const Scalar c = x * inverse;
-      const Scalar s = z * inverse;
-      const Scalar dk = diagonal_[k], dk1 = diagonal_[k + 1], ek = sub_[k];
-      const Scalar w = s * (dk - dk1) - Scalar(2) * c * ek;
-      diagonal_[k] = dk - s * w;
-      diagonal_[k + 1] = dk1 + s * w;
-      sub_[k] = -c * w - ek;
-      if (k > start) sub_[k - 1] = r;
-      x = sub_[k];
-      if (k + 1 < end) {
-        z = s * sub_[k + 1];
-        sub_[k + 1] *= c;
-      }
-      rotate(std::min(rows + k, n_), c, s, vectors_[k], vectors_[k + 1]);
-    }
   }
 
   /// Columns y_0 … y_{size−1} ← what f(T) makes of them.

@@ -19,7 +19,7 @@ class Base {
   using Motion = Eigen::Matrix<Scalar, 6, Eigen::Dynamic, Eigen::ColMajor, 6, 6>;
 
   /// Bolted down: k = 0.
-  Base() : motion_(6, 0) {}
+  Base() : motion_(detail::zeros<Motion>(6, 0)) {}
   /// Any B.
   /// @throws std::invalid_argument on another size, numbers that are not finite, or a column of
   ///         zeros.

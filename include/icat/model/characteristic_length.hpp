@@ -14,9 +14,7 @@
 /// 1.1 m.
 #pragma once
 
-#include <algorithm>
-#include <vector>
-
+#include "icat/core/list.hpp"
 #include "icat/math/spatial_algebra.hpp"
 #include "icat/model/robot.hpp"
 
@@ -62,12 +60,12 @@ template <FramedRobot R>
     if constexpr (requires { robot.for_each_joint_of(frame, visit); }) {
       robot.for_each_joint_of(frame, visit);
     } else {
-      std::vector<Index> columns;
-      for (const auto& joint : robot.joints()) columns.push_back(joint.column);
-      std::sort(columns.begin(), columns.end());
+      detail::List<bool> joint(static_cast<std::size_t>(robot.dof()));
+      for (const auto& info : robot.joints()) joint[static_cast<std::size_t>(info.column)] = true;
       const auto& J = robot.jacobian(frame);
-      for (std::size_t k = columns.size(); k-- > 0;) {
-        visit(columns[k], detail::column3(J, 0, columns[k]), detail::column3(J, 3, columns[k]));
+      for (Index c = robot.dof(); c-- > 0;) {
+        if (!joint[static_cast<std::size_t>(c)]) continue;
+        visit(c, detail::column3(J, 0, c), detail::column3(J, 3, c));
       }
     }
   }

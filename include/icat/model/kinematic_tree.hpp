@@ -18,6 +18,7 @@
 #include <string>
 #include <vector>
 
+#include "icat/core/list.hpp"
 #include "icat/core/status.hpp"
 #include "icat/model/base.hpp"
 #include "icat/model/joint.hpp"
@@ -106,7 +107,8 @@ class KinematicTree {
     const Index body = at(parent).body;
     Pose<Scalar> in_body = detail::compose(at(parent).pose, pose);
     frames_.push_back({std::move(name), body, in_body, true, detail::zeros<Jacobian>(6, dof_), 0});
-    return FrameId(frame_count() - 1, frames_.back().name);
+    const FrameId added(frame_count() - 1);
+    return FrameId(added.index(), at(added).name);
   }
   /// Moves a frame to the pose `pose` in the frame `parent`, on whose link it sits from now on: a
   /// tool that became another, or the frame of an object that was just grasped. Only frames that
@@ -433,7 +435,7 @@ class KinematicTree {
   [[gnu::cold]] void build(const Description& description) {
     frames_[0].name = find_root(description);
     const auto& all = description.joints;
-    std::vector<Index> moved(all.size(), -1);  // body of each joint; −1 until it is placed
+    detail::List<Index> moved(all.size(), -1);  // body of each joint; −1 until it is placed
     Placed placed;
     while (placed.frames <= all.size()) {
       const std::size_t before = placed.frames;
@@ -494,7 +496,7 @@ class KinematicTree {
 
   // Column, multiplier and offset of the mimics; one may follow another.
   [[gnu::cold]] void follow(const std::vector<Joint<Scalar>>& all,
-                            const std::vector<Index>& moved) {
+                            const detail::List<Index>& moved) {
     for (std::size_t i = 0; i < all.size(); ++i) {
       if (!all[i].mimic || all[i].type == JointType::fixed) continue;
       Scalar multiplier(1), offset(0);
@@ -537,10 +539,10 @@ class KinematicTree {
 
   Index dof_{0};
   typename Base<Scalar>::Motion base_motion_, base_twist_;  // components on the base; on ⟨0⟩
-  std::vector<Body> bodies_;                                // a body after its parent
-  std::vector<Frame> frames_;
+  detail::List<Body> bodies_;                               // a body after its parent
+  detail::List<Frame> frames_;
   std::vector<JointInfo<Scalar>> joints_;
-  std::vector<Index> joint_body_;
+  detail::List<Index> joint_body_;
   Positions q_;
   unsigned stamp_{0};
   Scalar mass_{0};

@@ -15,12 +15,14 @@
 #include <cstdint>
 #include <initializer_list>
 #include <limits>
+#include <span>
 #include <string>
 #include <string_view>
 #include <type_traits>
 #include <vector>
 
 #include "icat/core/error.hpp"
+#include "icat/core/list.hpp"
 #include "icat/core/pose.hpp"
 #include "icat/core/types.hpp"
 
@@ -141,12 +143,17 @@ class Columns {
   /// None.
   Columns() {}  // not defaulted: see `infinity`
   /// These; two numbers are two columns, not a block.
-  Columns(std::initializer_list<Index> indices) : indices_(indices) {}
+  Columns(std::initializer_list<Index> indices) : Columns({indices.begin(), indices.size()}) {}
   /// These.
-  explicit Columns(std::vector<Index> indices) : indices_(std::move(indices)) {}
+  explicit Columns(std::span<const Index> indices) : indices_(indices.size()) {
+    for (std::size_t i = 0; i < indices.size(); ++i) indices_[i] = indices[i];
+  }
   /// A block.
-  Columns(ColumnRange range) {  // NOLINT: a block is a set
-    for (Index i = 0; i < range.count; ++i) indices_.push_back(range.first + i);
+  Columns(ColumnRange range)  // NOLINT: a block is a set
+      : indices_(static_cast<std::size_t>(range.count)) {
+    for (Index i = 0; i < range.count; ++i) {
+      indices_[static_cast<std::size_t>(i)] = range.first + i;
+    }
   }
   /// How many.
   Index size() const noexcept { return static_cast<Index>(indices_.size()); }
@@ -158,7 +165,7 @@ class Columns {
   auto end() const noexcept { return indices_.end(); }
 
  private:
-  std::vector<Index> indices_;
+  detail::List<Index> indices_;
 };
 
 namespace detail {
@@ -257,10 +264,10 @@ template <JointedRobot R>
 /// @throws std::invalid_argument on a name that stands twice, or that there is not, with those that
 ///         there are.
 template <JointedRobot R>
-[[gnu::cold]] std::vector<Index> joint_indices(const R& robot,
-                                               const std::vector<std::string>& names,
-                                               std::string_view owner = "") {
-  std::vector<Index> indices;
+[[gnu::cold]] detail::List<Index> joint_indices(const R& robot,
+                                                const std::vector<std::string>& names,
+                                                std::string_view owner = "") {
+  detail::List<Index> indices;
   for (const auto& name : names) {
     const Index i = joint_index(robot, name, owner);
     for (const Index other : indices) {
@@ -276,9 +283,9 @@ template <JointedRobot R>
 /// The columns of all joints. For configuration.
 template <JointedRobot R>
 [[gnu::cold]] Columns joint_columns(const R& robot) {
-  std::vector<Index> columns;
+  detail::List<Index> columns;
   for (const auto& joint : robot.joints()) columns.push_back(joint.column);
-  return Columns(std::move(columns));
+  return Columns({columns.data(), columns.size()});
 }
 /// The columns of the joints called `names`, none where there are none; `owner` begins the error.
 /// For configuration.
@@ -286,11 +293,11 @@ template <JointedRobot R>
 template <JointedRobot R>
 [[gnu::cold]] Columns joint_columns(const R& robot, const std::vector<std::string>& names,
                                     std::string_view owner = "") {
-  std::vector<Index> columns;
+  detail::List<Index> columns;
   for (const Index i : joint_indices(robot, names, owner)) {
     columns.push_back(robot.joints()[static_cast<std::size_t>(i)].column);
   }
-  return Columns(std::move(columns));
+  return Columns({columns.data(), columns.size()});
 }
 
 }  // namespace icat

@@ -46,7 +46,7 @@ class KinematicPlant {
   ///         `Base::free()`, a column of the robot that belongs neither to a joint nor to the base.
   [[gnu::cold]] KinematicPlant(const R& robot, Options options)
       : options_(std::move(options)),
-        base_motion_(6, 0),
+        base_motion_(detail::zeros<typename Base<Scalar>::Motion>(6, 0)),
         joints_(joint_columns(robot)),
         actuated_(static_cast<std::size_t>(robot.dof()), true),
         q_(options_.q),
@@ -137,7 +137,7 @@ class KinematicPlant {
       detail::invalid("KinematicPlant: a current carries a free base only: surge, sway, heave, ",
                       "roll, pitch, yaw");
     }
-    std::vector<bool> moved(static_cast<std::size_t>(n), false);
+    detail::List<bool> moved(static_cast<std::size_t>(n));
     for (const Index c : joints_) moved[static_cast<std::size_t>(c)] = true;
     for (Index j = 0; j < columns_.count; ++j) {
       moved[static_cast<std::size_t>(columns_.first + j)] = true;
@@ -153,7 +153,7 @@ class KinematicPlant {
   ColumnRange columns_;  // of the base
   typename Base<Scalar>::Motion base_motion_;
   Columns joints_;
-  std::vector<bool> actuated_;
+  detail::List<bool> actuated_;
   Positions q_;
   Pose<Scalar> base_;
   Velocity relative_, velocity_;

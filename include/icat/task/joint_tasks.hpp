@@ -13,6 +13,7 @@
 #include <optional>
 #include <vector>
 
+#include "icat/core/list.hpp"
 #include "icat/math/half_turn.hpp"
 #include "icat/task/task.hpp"
 
@@ -23,12 +24,12 @@ template <class Scalar>
 class PerJoint {
  public:
   /// For all.
-  PerJoint(Scalar value) : values_{value}, for_all_(true) {}  // NOLINT: converts on purpose
+  PerJoint(Scalar value) : values_(1, value), for_all_(true) {}  // NOLINT: converts on purpose
   /// For each, in the task's order of joints; a single one is for all.
-  PerJoint(std::initializer_list<Scalar> values) : PerJoint(std::vector<Scalar>(values)) {}
+  PerJoint(std::initializer_list<Scalar> values) : PerJoint(values.begin(), values.size()) {}
   /// The same.
-  PerJoint(std::vector<Scalar> values)  // NOLINT: converts on purpose
-      : values_(std::move(values)), for_all_(values_.size() == 1) {}
+  PerJoint(const std::vector<Scalar>& values)  // NOLINT: converts on purpose
+      : PerJoint(values.data(), values.size()) {}
 
   /// Whether it is one number for all.
   bool for_all() const noexcept { return for_all_; }
@@ -39,12 +40,14 @@ class PerJoint {
     return values_[for_all_ ? 0 : static_cast<std::size_t>(i)];
   }
   /// The same number for all from now on. No allocation.
-  void set_all(Scalar value) noexcept {
-    for (Scalar& v : values_) v = value;
-  }
+  void set_all(Scalar value) noexcept { values_.fill(value); }
 
  private:
-  std::vector<Scalar> values_;
+  PerJoint(const Scalar* values, std::size_t count) : values_(count), for_all_(count == 1) {
+    for (std::size_t i = 0; i < count; ++i) values_[i] = values[i];
+  }
+
+  detail::List<Scalar> values_;
   bool for_all_;
 };
 
@@ -71,9 +74,9 @@ class JointTask : public ReactiveTask<R> {
     }
     for (Index k = 0; k < values.size(); ++k) {
       if (!(values[k] > Scalar(0))) {
-        std::string whose = "all joints";
-        if (!values.for_all()) whose.assign("joint '").append(joint(k).name).append("'");
-        invalid("task '", this->name(), "': ", what, " of ", whose, " must be > 0, got ",
+        const bool all = values.for_all();
+        invalid("task '", this->name(), "': ", what, all ? " of all joints" : " of joint '",
+                all ? std::string_view() : joint(k).name, all ? "" : "'", " must be > 0, got ",
                 values[k]);
       }
     }
@@ -96,11 +99,11 @@ class JointTask : public ReactiveTask<R> {
   [[gnu::cold]] static Index count(const R& robot, const std::string& name,
                                    const std::vector<std::string>& joints, bool one) {
     const auto indices = chosen(robot, name, joints);
-    if (indices.empty()) invalid("task '", name, "': the robot has no joints");
+    if (indices.size() == 0) invalid("task '", name, "': the robot has no joints");
     return one ? 1 : static_cast<Index>(indices.size());
   }
-  [[gnu::cold]] static std::vector<Index> chosen(const R& robot, const std::string& name,
-                                                 const std::vector<std::string>& joints) {
+  [[gnu::cold]] static List<Index> chosen(const R& robot, const std::string& name,
+                                          const std::vector<std::string>& joints) {
     auto indices = joint_indices(robot, joints, task_called(name));
     for (std::size_t i = 0; joints.empty() && i < robot.joints().size(); ++i) {
       indices.push_back(static_cast<Index>(i));
@@ -108,7 +111,7 @@ class JointTask : public ReactiveTask<R> {
     return indices;
   }
 
-  std::vector<Index> joints_, columns_;
+  List<Index> joints_, columns_;
 };
 
 }  // namespace detail
@@ -146,8 +149,7 @@ class JointLimits : public detail::JointTask<R> {
       : detail::JointTask<R>(robot, options.name, options.joints, false, options.gain),
         max_rate_(options.max_rate),
         to_middle_(options.to_middle),
-        objectives_(static_cast<std::size_t>(this->joint_count()),
-                    Objective<Scalar>::equal_to(Scalar(0))) {
+        objectives_(static_cast<std::size_t>(this->joint_count())) {
     this->check("margin", options.margin);
     this->check("max_rate", options.max_rate);
     for (Index k = 0; k < this->joint_count(); ++k) {
@@ -223,7 +225,7 @@ class JointLimits : public detail::JointTask<R> {
 
   PerJoint<Scalar> max_rate_;
   bool to_middle_;
-  std::vector<Objective<Scalar>> objectives_;
+  detail::List<Objective<Scalar>> objectives_;
 };
 
 /// Joints to positions q*, such as an arm's preferred shape [Coop, II-D2], [MARIS, III-B7]:
@@ -355,7 +357,7 @@ class JointPosition : public detail::JointTask<R> {
   std::optional<Objective<Scalar>> norm_;
   PerJoint<Scalar> max_rate_;
   Positions goal_, velocity_, error_;
-  std::vector<detail::AngleWay<Scalar>> ways_;  // of the continuous joints
+  detail::List<detail::AngleWay<Scalar>> ways_;  // of the continuous joints
 };
 
 }  // namespace task

@@ -23,6 +23,7 @@
 #include <limits>
 #include <vector>
 
+#include "icat/core/list.hpp"
 #include "icat/math/spatial_algebra.hpp"
 #include "icat/task/task.hpp"
 
@@ -67,7 +68,7 @@ class ManipulabilityMeasure {
       for (Index j = 0; j < k; ++j) R[j][k] += take_out(order[j], order[k]);
       R[k][k] = std::sqrt(dot(order[k], order[k]));
       if (!(R[k][k] > rounding * R[0][0])) {
-        std::fill(q_.begin(), q_.end(), Scalar(0));
+        q_.fill(Scalar(0));
         return Scalar(0);
       }
       value *= R[k][k];
@@ -112,7 +113,7 @@ class ManipulabilityMeasure {
 
   bool wide_;
   Index rows_, side_;
-  std::vector<Scalar> q_;  // rows × side by columns: Jᵀ if it is wide, else J; then Q; then Y
+  List<Scalar> q_;  // rows × side by columns: Jᵀ if it is wide, else J; then Q; then Y
 };
 
 }  // namespace detail
@@ -154,18 +155,28 @@ class Manipulability : public ScalarTask<R> {
       this->set_length_power(0, 1, 3);
       this->measure_reach(frame);
     }
-    for (const Index c : joint_columns(robot)) joints_.push_back(c);
-    std::sort(joints_.begin(), joints_.end());
+    detail::List<bool> joints(place_.size());
+    for (const Index c : joint_columns(robot)) joints[static_cast<std::size_t>(c)] = true;
+    joints_ = marked(joints);
     Index k = 0;
     for (const Index c : chosen_) place_[static_cast<std::size_t>(c)] = k++;
   }
 
  private:
-  // Columns of those of `names` that move the frame, in ascending order.
-  static std::vector<Index> moving(const R& robot, FrameId frame,
-                                   const std::vector<std::string>& names, const std::string& task) {
+  // Which columns, in ascending order.
+  static detail::List<Index> marked(const detail::List<bool>& marks) {
+    detail::List<Index> columns;
+    for (std::size_t c = 0; c < marks.size(); ++c) {
+      if (marks[c]) columns.push_back(static_cast<Index>(c));
+    }
+    return columns;
+  }
+  // Columns of those of `names` that move the frame.
+  static detail::List<Index> moving(const R& robot, FrameId frame,
+                                    const std::vector<std::string>& names,
+                                    const std::string& task) {
     detail::check_frame(robot, frame, task);
-    std::vector<Index> columns;
+    detail::List<bool> moved(static_cast<std::size_t>(robot.dof()));
     const auto& J = robot.jacobian(frame);
     const Columns wanted = names.empty() ? joint_columns(robot)
                                          : joint_columns(robot, names, detail::task_called(task));
@@ -173,14 +184,16 @@ class Manipulability : public ScalarTask<R> {
       bool moves = false;
       for (Index i = 0; i < 6; ++i) moves = moves || J(i, wanted[k]) != Scalar(0);
       if (moves) {
-        columns.push_back(wanted[k]);
+        moved[static_cast<std::size_t>(wanted[k])] = true;
       } else if (!names.empty()) {
         detail::invalid("task '", task, "': joint '", names[static_cast<std::size_t>(k)],
                         "' does not move the frame");
       }
     }
-    if (columns.empty()) detail::invalid("task '", task, "': no joint moves the frame");
-    std::sort(columns.begin(), columns.end());
+    const detail::List<Index> columns = marked(moved);
+    if (columns.size() == 0) {
+      detail::invalid("task '", task, "': no joint moves the frame");
+    }
     return columns;
   }
 
@@ -220,9 +233,9 @@ class Manipulability : public ScalarTask<R> {
   }
 
   FrameId frame_;
-  std::vector<Index> joints_;  // columns of all joints, ascending
-  std::vector<Index> chosen_;  // those of the task
-  std::vector<Index> place_;   // of each column of ẏ among them; −1
+  detail::List<Index> joints_;  // columns of all joints, ascending
+  detail::List<Index> chosen_;  // those of the task
+  detail::List<Index> place_;   // of each column of ẏ among them; −1
   detail::ManipulabilityMeasure<Scalar> measure_;
 };
 

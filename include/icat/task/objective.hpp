@@ -15,6 +15,7 @@
 #include <cmath>
 
 #include "icat/core/error.hpp"
+#include "icat/core/list.hpp"
 #include "icat/core/types.hpp"
 #include "icat/math/smooth_step.hpp"
 
@@ -80,6 +81,7 @@ class Objective {
   bool satisfied(Scalar x) const noexcept { return x >= lower_ && x <= upper_; }
 
  private:
+  friend class detail::List<Objective>;
   Objective() = default;
   Objective(Scalar lower, Scalar upper, Scalar margin)
       : lower_(lower), upper_(upper), margin_(margin) {

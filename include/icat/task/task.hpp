@@ -13,8 +13,8 @@
 #include <cmath>
 #include <string>
 #include <utility>
-#include <vector>
 
+#include "icat/core/list.hpp"
 #include "icat/core/status.hpp"
 #include "icat/math/spatial_algebra.hpp"
 #include "icat/model/characteristic_length.hpp"
@@ -74,11 +74,11 @@ class Task {
     reference_ = detail::zeros<Rows>(rows);
     activation_ = detail::zeros<Rows>(rows);
     detail::fill(activation_, Scalar(1));
-    length_powers_.assign(static_cast<std::size_t>(rows), Index{0});
+    length_powers_ = detail::List<Index>(static_cast<std::size_t>(rows));
   }
   /// Of the `count` rows from `first` on; 0 unless said otherwise. For constructors.
   [[gnu::cold]] void set_length_power(Index first, Index count, Index power) {
-    std::fill_n(length_powers_.begin() + first, count, power);
+    for (Index i = 0; i < count; ++i) length_powers_[static_cast<std::size_t>(first + i)] = power;
   }
   /// `frame` is one that rows in metres are of. For constructors.
   [[gnu::cold]] void measure_reach(FrameId frame) requires FramedRobot<R> {
@@ -125,7 +125,7 @@ class Task {
   const R& robot_;
   std::string name_;
   Index rows_;
-  std::vector<Index> length_powers_;
+  detail::List<Index> length_powers_;
   Scalar characteristic_length_{0};
 };
 
@@ -156,8 +156,8 @@ class ReactiveTask : public Task<R> {
 
   /// Row `i` controls the scalar x, whose Jacobian the caller writes. `fade` in [0, 1] is a factor
   /// of its activation.
-  void set_scalar(Index i, Scalar x, const Objective<Scalar>& objective, Scalar max_rate,
-                  Scalar fade = Scalar(1)) noexcept {
+  [[gnu::noinline]] void set_scalar(Index i, Scalar x, const Objective<Scalar>& objective,
+                                    Scalar max_rate, Scalar fade = Scalar(1)) noexcept {
     this->reference_(i) = std::clamp(gain_ * (objective.target(x) - x), -max_rate, max_rate);
     this->activation_(i) = fade * objective.activation(x);
   }

@@ -72,19 +72,15 @@ class LevelRows {
 
   /// out = f(S) in, S = g. Large values of f must not meet the rounding of others.
   void invert(Block in, Block out) const noexcept {
-    detail::product<Into::set>(rank, sides_, rank, f, elements(in), out);
-    for (Index c = 0; c < sides_; ++c) {
-      for (Index i = rank - below; i < rank; ++i) {
-        axpy(rank, inverses[i] * dot(rank, basis[i], in[c]), basis[i], out[c]);
-      }
+    detail::product(Into::set, rank, sides_, rank, f, elements(in), out);
+    for (Index i = rank - below; i < rank; ++i) {
+      add_projection(rank, inverses[i], basis[i], sides_, in, out);
     }
   }
   /// y ← S f(S) y, S = g: the identity but for the eigenvalues below the threshold.
   void filter(Block y) const noexcept {
-    for (Index c = 0; c < sides_; ++c) {
-      for (Index i = rank - below; i < rank; ++i) {
-        axpy(rank, (gains[i] - Scalar(1)) * dot(rank, basis[i], y[c]), basis[i], y[c]);
-      }
+    for (Index i = rank - below; i < rank; ++i) {
+      add_projection(rank, gains[i] - Scalar(1), basis[i], sides_, y, y);
     }
   }
 
@@ -123,16 +119,16 @@ class LevelRows {
     }
     if (!tall()) return gram(r, k, bt, g);
     if (!folds()) {
-      product<Into::set>(r, r, k, bt, transposed(bt), g);
-      product<Into::set>(r, sides_, k, bt, elements(e), rhs);
+      product(Into::set, r, r, k, bt, transposed(bt), g);
+      product(Into::set, r, sides_, k, bt, elements(e), rhs);
       if (binary) return;
       weigh_rows(k);
-      return product<Into::set>(r, r, k, weighted_rows(), transposed(weighted_rows()), change);
+      return product(Into::set, r, r, k, weighted_rows(), transposed(weighted_rows()), change);
     }
-    product<Into::add>(r, r, k, bt, transposed(bt), g);
-    product<Into::add>(r, sides_, k, bt, elements(e), rhs);
+    product(Into::add, r, r, k, bt, transposed(bt), g);
+    product(Into::add, r, sides_, k, bt, elements(e), rhs);
     weigh_rows(k);
-    product<Into::add>(r, r, k, weighted_rows(), transposed(weighted_rows()), change);
+    product(Into::add, r, r, k, weighted_rows(), transposed(weighted_rows()), change);
     fold(k);
     stored_ = 0;
   }
@@ -180,7 +176,7 @@ class LevelRows {
   void set_change() noexcept {
     const Block weighted = system.scratch[0];
     copy(change, weighted, rank);
-    product<Into::set>(rank, rank, rank, f, elements(weighted), change);
+    product(Into::set, rank, rank, rank, f, elements(weighted), change);
   }
   bool invert_spectrally() noexcept {
     const Index k = rank;
@@ -211,8 +207,8 @@ class LevelRows {
       for (Index i = k - below; i < k; ++i) {
         const Block v = basis.from(i), rv = work, w = work.from(1);
         transposed_product(k, k, 1, weighted_triangle(), v, rv);
-        product<Into::set>(k, 1, k, weighted_triangle(), elements(rv), w);
-        for (Index j = 0; j < k; ++j) axpy(k, spectral.inverse(i) * w(j, 0), v[0], change[j]);
+        product(Into::set, k, 1, k, weighted_triangle(), elements(rv), w);
+        add_outer(k, k, spectral.inverse(i), v[0], w[0], 1, change);
       }
     }
     return true;

@@ -33,7 +33,7 @@ class PriorityIteration {
   PriorityIteration(const Regularization& regularization, Scalar projection_weight)
       : level_(regularization, projection_weight), eta_(projection_weight) {}
 
-  void bind(Index n, Index sides, Scalar* memory_of_columns) noexcept {
+  [[gnu::noinline]] void bind(Index n, Index sides, Scalar* memory_of_columns) noexcept {
     PanelMemory<Scalar> memory(memory_of_columns, n);
     level_.bind(n, sides, memory);
     for (Block* b : {&increment, &y_, &z_, &side_}) *b = memory.take(sides);
@@ -90,7 +90,7 @@ class PriorityIteration {
 
   /// A closing level with J = I, A = I [Coop, Eq. (23)] for e = −`current` (n × sides, columns
   /// `step` apart). Nothing may come after it.
-  bool close(const Scalar* current, Index step) noexcept {
+  [[gnu::noinline]] bool close(const Scalar* current, Index step) noexcept {
     if (free() == 0) {
       clear(increment, sides_);
       return true;
@@ -138,20 +138,16 @@ class PriorityIteration {
         apply_wide(level_.e);
         return true;
       }
-      for (Index c = 0; c < sides_; ++c) {
-        std::copy_n(level_.e[c], m, y_[c]);
-        fill_up(m, y_[c]);
-      }
+      copy_rows(m, sides_, level_.e, y_);
       if (level_.regularized) level_.filter(y_);
     } else {
       const Block btb = level_.change;
-      product<Into::set>(r, sides_, m, level_.bt, elements(level_.e), level_.rhs);
-      product<Into::set>(r, r, m, level_.bt, transposed(level_.bt), btb);
+      product(Into::set, r, sides_, m, level_.bt, elements(level_.e), level_.rhs);
+      product(Into::set, r, r, m, level_.bt, transposed(level_.bt), btb);
       if (system().regular(btb, level_.rhs, z_)) {
         transposed_product(r, m, sides_, level_.bt, z_, y_);
-      } else if (system().reduces(m)) {
-        if (!system().reduced(m, level_.bt, level_.e, y_)) return false;
-      } else {
+      } else if (level_.regularized || !system().reduces(m) ||
+                 !system().reduced(m, level_.bt, level_.g, level_.e, y_)) {
         if (!system().full(btb, level_.rhs, z_)) return false;
         transposed_product(r, m, sides_, level_.bt, z_, y_);
       }
@@ -164,7 +160,7 @@ class PriorityIteration {
   }
   void apply_wide(Block y) noexcept {
     level_.invert(y, side_);
-    product<Into::set>(free(), sides_, level_.rank, level_.bt, elements(side_), z_);
+    product(Into::set, free(), sides_, level_.rank, level_.bt, elements(side_), z_);
   }
 
   /// z_ ← C z = f(BᵀB) BᵀA B z
@@ -182,7 +178,7 @@ class PriorityIteration {
       return true;
     }
     copy(z_, side_, sides_);
-    product<Into::set>(r, sides_, r, level_.change, elements(side_), z_);
+    product(Into::set, r, sides_, r, level_.change, elements(side_), z_);
     return true;
   }
 
@@ -196,9 +192,9 @@ class PriorityIteration {
   /// No row leaves: L C = (L B⁺) A B with B⁺ = Bᵀ f(BBᵀ).
   void accept_partial() noexcept {
     const auto& [left, u, w, unused, unused1] = system().scratch;
-    product<Into::set>(free(), level_.rank, level_.rank, level_.bt, elements(level_.f), left);
+    product(Into::set, free(), level_.rank, level_.rank, level_.bt, elements(level_.f), left);
     for (Index i = level_.rank - level_.below; i < level_.rank; ++i) {
-      product<Into::set>(free(), 1, level_.rank, level_.bt, elements(level_.basis.from(i)), w);
+      product(Into::set, free(), 1, level_.rank, level_.bt, elements(level_.basis.from(i)), w);
       for (Index j = 0; j < level_.rank; ++j)
         axpy(free(), level_.inverses[i] * level_.basis(j, i), w[0], left[j]);
     }
@@ -216,7 +212,7 @@ class PriorityIteration {
     if (level_.tall()) {
       copy(level_.basis, rows, level_.rank);
     } else {
-      product<Into::set>(r, level_.rank, level_.rank, level_.bt, elements(level_.basis), rows);
+      product(Into::set, r, level_.rank, level_.rank, level_.bt, elements(level_.basis), rows);
       for (Index i = rest; i < level_.rank; ++i) {
         const Scalar square = dot(r, rows[i], rows[i]);
         scale(r, square > Scalar(0) ? Scalar(1) / std::sqrt(square) : Scalar(0), rows[i], rows[i]);
@@ -234,7 +230,7 @@ class PriorityIteration {
   void accept_mixed() noexcept {
     const auto& [left, lb, weights, u, v] = system().scratch;
     const Index m = level_.rank;
-    product<Into::set>(free(), m, m, level_.bt, elements(level_.f), left);
+    product(Into::set, free(), m, m, level_.bt, elements(level_.f), left);
     q().extend(m, level_.bt, lb);
     Index binary = 0, partial = 0;
     for (Index i = 0; i < m; ++i) {
@@ -251,7 +247,7 @@ class PriorityIteration {
       std::copy_n(lb[i], lb.stride, u[partial]);
       std::copy_n(left[i], left.stride, v[partial++]);
     }
-    product<Into::subtract>(q().reach(), partial, m, lb, elements(weights), u);
+    product(Into::subtract, q().reach(), partial, m, lb, elements(weights), u);
     q().gain(partial, u, v);
     q().take(binary, level_.bt);
   }
@@ -287,16 +283,13 @@ class PriorityIteration {
     Scalar* tau = level_.a;
     if (p > 0) {
       copy(q().v(), triangle_, p);
-      for (Index c = 0; c < p; ++c) {
-        std::copy_n(q().u()[c], r, triangle_[p + c]);
-        std::fill_n(triangle_[p + c] + r, triangle_.stride - r, Scalar(0));
-      }
+      copy_rows(r, p, q().u(), triangle_.from(p));
       triangularize(r, d, triangle_, reflections, tau);
       const Block ru = triangle_.from(p);
       clear(level_.g, d);
       for (Index j = 0; j < d; ++j) level_.g(j, j) = Scalar(1);
-      product<Into::subtract>(d, d, p, triangle_, transposed(ru), level_.g);
-      product<Into::subtract>(d, d, p, ru, transposed(triangle_), level_.g);
+      product(Into::subtract, d, d, p, triangle_, transposed(ru), level_.g);
+      product(Into::subtract, d, d, p, ru, transposed(triangle_), level_.g);
       q().weigh();
       system().add_weighted(d, triangle_, q().k_free(), Scalar(1), rk, level_.g);
       if (q().reach() > r) {
@@ -304,9 +297,7 @@ class PriorityIteration {
       }
       copy(level_.g, m, d);
       system().add_weighted(d, triangle_, q().k_free(), eta_, rk, m);
-      for (Index c = 0; c < sides_; ++c) {
-        for (Index i = 0; i < d; ++i) reflect_from(i, r, tau[i], reflections[i], level_.e[c]);
-      }
+      for (Index i = 0; i < d; ++i) reflect_from(i, r, tau[i], reflections[i], sides_, level_.e);
       if (!cholesky(d, m, factor)) return false;
       system().solve(d, factor, level_.e, z_);
       if (!close_with(d, z_)) return false;
@@ -314,8 +305,8 @@ class PriorityIteration {
     for (Index c = 0; c < sides_; ++c) {
       for (Index i = d; i < r; ++i) z_(i, c) = f * f * level_.e(i, c);
       fill_up(r, z_[c]);
-      for (Index i = d; i-- > 0;) reflect_from(i, r, tau[i], reflections[i], z_[c]);
     }
+    for (Index i = d; i-- > 0;) reflect_from(i, r, tau[i], reflections[i], sides_, z_);
     return true;
   }
 
@@ -324,9 +315,9 @@ class PriorityIteration {
   bool close_with(Index n, Block z) noexcept {
     const auto& [s, factor, reflections, square, unused] = system().scratch;
     if (cholesky(n, level_.g, factor, threshold())) return true;
-    product<Into::set>(n, sides_, n, level_.g, elements(z), side_);
     copy(level_.g, s, n);
-    return system().regularize(s, n, side_, z, square);
+    copy_rows(n, sides_, z, side_);
+    return system().filter(s, n, side_, z, square);
   }
 
   LevelRows<Scalar, Regularization> level_;

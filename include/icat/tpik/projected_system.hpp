@@ -48,26 +48,26 @@ class ProjectedSystem {
   void reset() noexcept { small_eigenvalues_ = false; }
 
   /// Rows that are independent of the partial ones, m + p ≤ r: then z can satisfy both, and B z =
-  /// e. It is certain where K_v > 0, G = BBᵀ ≥ σ_t and VᵀV − σ_t K_v⁻¹ − VᵀBᵀ (G − σ_t I)⁻¹ B V >
-  /// 0, of which (G − σ_t I)⁻¹ ≤ G⁻¹ + σ_t / (1 − σ_t tr G⁻¹) G⁻². `f` is G⁻¹.
+  /// e. It is certain where K_v = L Lᵀ, G = BBᵀ ≥ σ_t and Lᵀ (VᵀV − VᵀBᵀ (G − σ_t I)⁻¹ B V) L >
+  /// σ_t, of which (G − σ_t I)⁻¹ ≤ G⁻¹ + σ_t / (1 − σ_t tr G⁻¹) G⁻². `f` is G⁻¹.
   bool independent(Index m, Block jt, Block f) noexcept {
     const Index r = projector.free(), p = projector.partial();
     if (m + p > r || small_eigenvalues_) return false;
     const Scalar rest = Scalar(1) - sigma_ * trace(m, f);
-    const auto& [kv, bv, fbv, s, product_] = scratch;
-    if (!(rest > Scalar(0)) || !set_kv(kv) || !invert(p, kv, Scalar(0))) return false;
+    const auto& [s, bv, fbv, l, product_] = scratch;
+    if (!(rest > Scalar(0)) || !set_kv(s) || !cholesky(p, s, product_)) return false;
+    explicit_factor(p, product_, l);
     transposed_product(r, m, p, jt, projector.v(), bv);
-    product<Into::set>(m, p, m, f, elements(bv), fbv);
+    product(Into::set, m, p, m, f, elements(bv), fbv);
     transposed_product(m, p, p, bv, fbv, product_);
     for (Index j = 0; j < p; ++j) {
       combine(p, Scalar(-1), product_[j], Scalar(1), projector.v_gram()[j], s[j]);
     }
     gram(m, p, fbv, product_);
-    for (Index j = 0; j < p; ++j) {
-      axpy(p, -sigma_ / rest, product_[j], s[j]);
-      axpy(p, -sigma_, kv[j], s[j]);
-    }
-    return cholesky(p, s, product_);
+    add(p, p, -sigma_ / rest, product_, s);
+    product(Into::set, p, p, p, s, elements(l), product_);
+    transposed_product(p, p, p, l, product_, s);
+    return cholesky(p, s, product_, sigma_);
   }
 
   /// z = M⁻¹ `rhs` by Cholesky factors, where BᵀB + V K_v Vᵀ − σ_t I has one. `btb` is BᵀB.
@@ -79,10 +79,10 @@ class ProjectedSystem {
     copy(btb, m, r);
     if (taken()) copy(btb, shifted, r);
     if (projector.dense()) {
-      for (Index j = 0; j < r; ++j) axpy(r, eta_, projector.k_free()[j], m[j]);
+      add(r, r, eta_, projector.k_free(), m);
       if (taken()) {
         (void)set_kv(vk);
-        for (Index j = 0; j < r; ++j) axpy(r, Scalar(1), vk[j], shifted[j]);
+        add(r, r, Scalar(1), vk, shifted);
       }
     } else {
       const Block v = projector.v();
@@ -110,59 +110,55 @@ class ProjectedSystem {
     const Index r = projector.free(), p = projector.partial();
     const auto& [k, l, vl, h, s] = scratch;
     if (projector.dense() || !set_kv(k) || !cholesky(p, k, l)) return false;
-    for (Index j = 0; j < p; ++j) scale(p, eta_, projector.k_free()[j], k[j]);
+    scale(p, p, eta_, projector.k_free(), k);
     if (!cholesky(p, k, s)) return false;
     explicit_factor(p, s, l);
-    product<Into::set>(r, p, p, projector.v(), elements(l), vl);
-    product<Into::set>(r, p, r, f, elements(vl), h);
+    product(Into::set, r, p, p, projector.v(), elements(l), vl);
+    product(Into::set, r, p, r, f, elements(vl), h);
     transposed_product(r, p, p, vl, h, k);
     for (Index j = 0; j < p; ++j) k(j, j) += Scalar(1);
     if (!cholesky(p, k, s)) return false;
-    product<Into::set>(r, sides_, r, f, elements(rhs), z);
+    product(Into::set, r, sides_, r, f, elements(rhs), z);
     transposed_product(r, p, sides_, h, rhs, other_);
     for (Index c = 0; c < sides_; ++c) cholesky_solve(p, s, other_[c], side_[c]);
-    product<Into::subtract>(r, sides_, p, h, elements(side_), z);
+    product(Into::subtract, r, sides_, p, h, elements(side_), z);
     return true;
   }
 
-  /// Whether the span of the rows, the partial ones and what U has on taken axes is so much smaller
-  /// than M that finding it pays.
+  /// Whether M has less than full rank by counting its rows.
   bool reduces(Index m) const noexcept {
-    const Index p = projector.partial(), d = m + p;
-    return !projector.dense() && d <= projector.free() &&
-           3 * (d + taken_rank()) <= 2 * projector.reach();
+    return !projector.dense() && m + projector.partial() + taken_rank() < projector.reach();
   }
-  /// y = B z with f(M) evaluated on that span: with Y R = [V Bᵀ], Y orthonormal, and R_tᵀR_t = K_t,
-  /// M is [R_B R_Bᵀ + η R_V K R_Vᵀ, η R_V R_tᵀ; η R_t R_Vᵀ, η I] there.
-  bool reduced(Index m, Block jt, Block e, Block y) noexcept {
-    const Index r = projector.free(), p = projector.partial(), d = m + p, q = taken_rank();
-    const auto& [system, triangle, reflections, rk, unused] = scratch;
+  /// y = B z. M = F Fᵀ with F = [Bᵀ, √η V L₀, √η V R_tᵀ; 0, 0, √η I], K₀ = L₀ L₀ᵀ, K_t = R_tᵀ R_t,
+  /// so that with S = FᵀF, which is smaller, y is the upper part of S f(S) [e; 0]. `g` is
+  /// BBᵀ ≥ σ_t: where B has smaller singular values, y would lose digits that B z keeps.
+  bool reduced(Index m, Block jt, Block g, Block e, Block y) noexcept {
+    const Index r = projector.free(), p = projector.partial(), q = taken_rank(), w = p + q;
+    const auto& [s, bv, factors, bvw, work] = scratch;
     projector.weigh();
-    copy(projector.v(), triangle, p);
-    copy(jt, triangle.from(p), m);
-    triangularize(r, d, triangle, reflections, tau_);
-    const Block rows = triangle.from(p);
-    product<Into::set>(d, d, m, rows, transposed(rows), system);
-    add_weighted(d, triangle, projector.k_free(), eta_, rk, system);
-    if (taken()) {
-      add_weighted(d, triangle, projector.k_taken(), eta_, rk, system);
-      projector.copy_taken(rk);
-      triangularize(projector.reach() - r, p, rk, reflections, tau_);
-      for (Index i = 0; i < q; ++i) {
-        clear(system.from(d + i), 1);
-        for (Index j = 0; j < d; ++j) {
-          Scalar sum(0);
-          for (Index l = 0; l < p; ++l) sum += rk(i, l) * triangle(j, l);
-          system(d + i, j) = system(j, d + i) = eta_ * sum;
-        }
-        system(d + i, d + i) = eta_;
-      }
-      for (Index j = 0; j < d + q; ++j) fill_up(d + q, system[j]);
+    if (!cholesky(p, projector.k_free(), work)) return false;
+    explicit_factor(p, work, factors);
+    if (q > 0) {
+      projector.copy_taken(work);
+      triangularize(projector.reach() - r, p, work, bv, tau_);
+      transpose(q, p, work, factors.from(p));
     }
-    clear(other_, sides_);
-    product<Into::set>(d, sides_, m, rows, elements(e), other_);
-    if (!spectrally(system, d + q, other_, side_, reflections)) return false;
-    transposed_product(d, m, sides_, rows, side_, y);
+    scale(p, w, std::sqrt(eta_), factors, factors);
+    transposed_product(r, m, p, jt, projector.v(), bv);
+    product(Into::set, m, w, p, bv, elements(factors), bvw);
+    product(Into::set, p, w, p, projector.v_gram(), elements(factors), work);
+    transposed_product(p, w, w, factors, work, bv);
+    for (Index j = 0; j < m; ++j) std::copy_n(g[j], m, s[j]);
+    for (Index j = 0; j < w; ++j) {
+      for (Index i = 0; i < m; ++i) s(i, m + j) = s(m + j, i) = bvw(i, j);
+      std::copy_n(bv[j], w, s[m + j] + m);
+      if (j >= p) s(m + j, m + j) += eta_;
+    }
+    for (Index j = 0; j < m + w; ++j) fill_up(m + w, s[j]);
+    copy_rows(m, sides_, e, other_);
+    if (!filter(s, m + w, other_, side_, work)) return false;
+    small_eigenvalues_ = spectral.below() > 0;
+    copy_rows(m, sides_, side_, y);
     return true;
   }
 
@@ -171,13 +167,19 @@ class ProjectedSystem {
     const Index r = projector.free(), b = projector.reach(), p = projector.partial();
     const auto& [m, product_, out, unused, unused_] = scratch;
     Block uv = projector.u();
-    if (!projector.dense()) {
-      product<Into::set>(b, r, p, uv, transposed(projector.v()), product_);
+    if (projector.dense()) {
+      projector.weigh();
+      for (Index j = 0; j < r; ++j) {
+        combine(r, eta_, projector.k_free()[j], Scalar(1), btb[j], m[j]);
+      }
+      if (taken()) add(r, r, eta_, projector.k_taken(), m);
+    } else {
+      product(Into::set, b, r, p, uv, transposed(projector.v()), product_);
       uv = product_;
+      gram(b, r, uv, m);
+      for (Index j = 0; j < r; ++j) combine(r, eta_, m[j], Scalar(1), btb[j], m[j]);
     }
-    gram(b, r, uv, m);
     for (Index j = 0; j < r; ++j) {
-      combine(r, eta_, m[j], Scalar(1), btb[j], m[j]);
       for (Index i = r; i < b; ++i) m(i, j) = eta_ * uv(i, j);
       fill_up(b, m[j]);
     }
@@ -186,32 +188,29 @@ class ProjectedSystem {
       for (Index j = 0; j < r; ++j) m(j, i) = m(i, j);
       m(i, i) = eta_;
     }
-    for (Index c = 0; c < sides_; ++c) std::fill_n(rhs[c] + r, rhs.stride - r, Scalar(0));
-    return spectrally(m, b, rhs, z, out);
+    copy_rows(r, sides_, rhs, other_);
+    return spectrally(m, b, other_, z, out);
   }
 
-  /// out = f(s) in (n × sides); `s` is overwritten.
-  bool regularize(Block s, Index n, Block in, Block out, Block square) noexcept {
-    if (sides_ == 1) return spectral.apply(s, n, in.data, out.data, regularization);
+  /// out = s f(s) in (n × sides); `s` is overwritten, `square` scratch.
+  bool filter(Block s, Index n, Block in, Block out, Block square) noexcept {
+    if (sides_ == 1) return spectral.filter(s, n, in.data, out.data, regularization);
     if (!spectral.compute(s, n, square, regularization)) return false;
-    product<Into::set>(n, sides_, n, square, elements(in), out);
-    spectral.add_small(sides_, in, out);
+    copy_rows(n, sides_, in, out);
+    spectral.filter(sides_, out);
     return true;
   }
   /// z = (l lᵀ)⁻¹ rhs
   void solve(Index n, Block l, Block rhs, Block z) noexcept {
-    for (Index c = 0; c < sides_; ++c) {
-      std::copy_n(rhs[c], n, side_[c]);
-      fill_up(n, side_[c]);
-      cholesky_solve(n, l, side_[c], z[c]);
-    }
+    copy_rows(n, sides_, rhs, side_);
+    for (Index c = 0; c < sides_; ++c) cholesky_solve(n, l, side_[c], z[c]);
   }
   /// s += weight · r k rᵀ, for r (n × p) and symmetric k; `rk` is scratch.
   void add_weighted(Index n, Block r, Block k, Scalar weight, Block rk, Block s) noexcept {
     const Index p = projector.partial();
-    product<Into::set>(n, p, p, r, elements(k), rk);
-    for (Index j = 0; j < p; ++j) scale(n, weight, rk[j], rk[j]);
-    product<Into::add>(n, n, p, rk, transposed(r), s);
+    product(Into::set, n, p, p, r, elements(k), rk);
+    scale(n, p, weight, rk, rk);
+    product(Into::add, n, n, p, rk, transposed(r), s);
   }
 
   Regularization regularization;
@@ -229,15 +228,20 @@ class ProjectedSystem {
   bool set_kv(Block kv) noexcept {
     if (!valid_kv()) return false;
     projector.weigh();
-    for (Index j = 0; j < projector.partial(); ++j) {
-      const Index p = projector.partial();
-      scale(p, eta_, projector.k_free()[j], kv[j]);
-      if (taken()) axpy(p, -sigma_ * eta_ / (eta_ - sigma_), projector.k_taken()[j], kv[j]);
-    }
+    const Index p = projector.partial();
+    scale(p, p, eta_, projector.k_free(), kv);
+    if (taken()) add(p, p, -sigma_ * eta_ / (eta_ - sigma_), projector.k_taken(), kv);
     return true;
   }
+  /// z = f(m) rhs; `m` is overwritten, `square` scratch.
   bool spectrally(Block m, Index n, Block rhs, Block z, Block square) noexcept {
-    if (!regularize(m, n, rhs, z, square)) return false;
+    if (sides_ == 1) {
+      if (!spectral.apply(m, n, rhs.data, z.data, regularization)) return false;
+    } else {
+      if (!spectral.compute(m, n, square, regularization)) return false;
+      product(Into::set, n, sides_, n, square, elements(rhs), z);
+      spectral.add_small(sides_, rhs, z);
+    }
     small_eigenvalues_ = spectral.below() > 0;
     return true;
   }

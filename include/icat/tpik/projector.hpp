@@ -78,13 +78,13 @@ class Projector {
   void turn(Index k, Block x) const noexcept {
     for (Index i = dof_; i-- > free_;) {
       if (tau_[i] == Scalar(0)) continue;
-      for (Index c = 0; c < k; ++c) reflect(i + 1, tau_[i], reflections_[i], x[c]);
+      reflect(i + 1, tau_[i], reflections_[i], k, x);
     }
   }
   void turn_back(Index k, Block x) const noexcept {
     for (Index i = free_; i < dof_; ++i) {
       if (tau_[i] == Scalar(0)) continue;
-      for (Index c = 0; c < k; ++c) reflect(i + 1, tau_[i], reflections_[i], x[c]);
+      reflect(i + 1, tau_[i], reflections_[i], k, x);
     }
   }
   /// x (b × k, in the axes) ← Lᵀ x (r × k).
@@ -92,20 +92,17 @@ class Projector {
     if (partial_ > 0) transposed_product(reach_, partial_, k, u_, x, work_);
     for (Index c = 0; c < k; ++c) fill_up(free_, x[c]);
     if (dense_) {
-      for (Index c = 0; c < k; ++c) axpy(free_, Scalar(-1), work_[c], x[c]);
+      add(free_, k, Scalar(-1), work_, x);
     } else if (partial_ > 0) {
-      product<Into::subtract>(free_, k, partial_, v_, elements(work_), x);
+      product(Into::subtract, free_, k, partial_, v_, elements(work_), x);
     }
   }
   /// out (b × k) = L x, x: r × k.
   void extend(Index k, Block x, Block out) const noexcept {
-    for (Index c = 0; c < k; ++c) {
-      std::copy_n(x[c], free_, out[c]);
-      std::fill_n(out[c] + free_, out.stride - free_, Scalar(0));
-    }
+    copy_rows(free_, k, x, out);
     if (partial_ == 0) return;
     if (!dense_) transposed_product(free_, partial_, k, v_, x, work_);
-    product<Into::subtract>(reach_, k, partial_, u_, elements(dense_ ? x : work_), out);
+    product(Into::subtract, reach_, k, partial_, u_, elements(dense_ ? x : work_), out);
   }
 
   /// `k` more partial rows: U gains `u` (b × k), V `v` (r × k).
@@ -119,14 +116,14 @@ class Projector {
       return;
     }
     become_dense();
-    product<Into::add>(reach_, free_, k, u, transposed(v), u_);
+    product(Into::add, reach_, free_, k, u, transposed(v), u_);
   }
   /// Q ← Q − L `change` Nᵀ, r × r.
   void gain(Block change) noexcept {
     start();
     become_dense();
     extend(free_, change, work_);
-    for (Index j = 0; j < free_; ++j) axpy(reach_, Scalar(1), work_[j], u_[j]);
+    add(reach_, free_, Scalar(1), work_, u_);
     weighed_ = false;
   }
   /// The span of `k` columns of `rows` (r × k, overwritten) is free no more.
@@ -139,17 +136,15 @@ class Projector {
       std::copy_n(rows[i], n, x);
       fill_up(n, x);
       const Scalar tau = tau_[n - 1] = Reflection<Scalar>::make(n, x, n - 1).tau;
-      for (Index c = i + 1; c < k; ++c) {
-        reflect(n, tau, x, rows[c]);
-        rows(n - 1, c) = Scalar(0);
-      }
-      for (Index c = 0; c < partial_; ++c) reflect(n, tau, x, u_[c]);
+      reflect(n, tau, x, k - i - 1, rows.from(i + 1));
+      for (Index c = i + 1; c < k; ++c) rows(n - 1, c) = Scalar(0);
+      reflect(n, tau, x, partial_, u_);
       if (dense_) {  // U ← U (I − tau x xᵀ) without its last column
-        product<Into::set>(reach_, 1, n, u_, {x, 1, 0}, work_);
-        for (Index c = 0; c < n - 1; ++c) axpy(reach_, -tau * x[c], work_[0], u_[c]);
+        product(Into::set, reach_, 1, n, u_, {x, 1, 0}, work_);
+        add_outer(reach_, n - 1, -tau, work_[0], x, 1, u_);
         --partial_;
       } else {
-        for (Index c = 0; c < partial_; ++c) reflect(n, tau, x, v_[c]);
+        reflect(n, tau, x, partial_, v_);
         if (weighed_) move_weight(n - 1);
         for (Index c = 0; c < partial_; ++c) v_(n - 1, c) = Scalar(0);
       }
@@ -171,20 +166,14 @@ class Projector {
       clear(k_taken_, partial_);
       return gram(free_, partial_, u_, k_free_);
     }
-    for (Index c = 0; c < partial_; ++c) {
-      std::copy_n(u_[c], free_, work_[c]);
-      fill_up(free_, work_[c]);
-    }
+    copy_rows(free_, partial_, u_, work_);
     gram(free_, partial_, work_, k_free_);
     copy_taken(work_);
     gram(reach_ - free_, partial_, work_, k_taken_);
   }
   /// U_t, (b − r) × p.
   void copy_taken(Block out) const noexcept {
-    for (Index c = 0; c < partial_; ++c) {
-      std::copy_n(u_[c] + free_, reach_ - free_, out[c]);
-      fill_up(reach_ - free_, out[c]);
-    }
+    copy_rows(reach_ - free_, partial_, {u_.data + free_, u_.stride}, out);
   }
 
   /// Z = U Vᵀ, b × r: in place.
@@ -192,7 +181,7 @@ class Projector {
     if (dense_) return;
     weighed_ = false;
     if (partial_ > 0) {
-      product<Into::set>(reach_, free_, partial_, u_, transposed(v_), work_);
+      product(Into::set, reach_, free_, partial_, u_, transposed(v_), work_);
       copy(work_, u_, free_);
     } else {
       clear(u_, free_);
@@ -229,11 +218,9 @@ class Projector {
     for (Index c = 0; c < partial_; ++c) u[c] = u_(i, c), v[c] = v_(i, c);
     fill_up(partial_, u);
     fill_up(partial_, v);
-    for (Index c = 0; c < partial_; ++c) {
-      axpy(partial_, -u[c], u, k_free_[c]);
-      axpy(partial_, u[c], u, k_taken_[c]);
-      axpy(partial_, -v[c], v, v_gram_[c]);
-    }
+    add_outer(partial_, partial_, Scalar(-1), u, u, 1, k_free_);
+    add_outer(partial_, partial_, Scalar(1), u, u, 1, k_taken_);
+    add_outer(partial_, partial_, Scalar(-1), v, v, 1, v_gram_);
   }
 
   /// Takes axis i by exchanging it with the last free one, a reflection too.

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// A list for the library's own data. `std::vector` does the same, but each type of its elements
+/// costs a compiler ten times as much.
+#pragma once
+
+#include <cstddef>
+#include <utility>
+
+namespace icat::detail {
+
+/// Elements one after the other, all of them constructed: they need a default. Construction, copies
+/// and `push_back` allocate.
+template <class T>
+class List {
+ public:
+  List() {}
+  [[gnu::noinline]] explicit List(std::size_t size)
+      : elements_(new T[size]()), size_(size), room_(size) {}
+  List(std::size_t size, const T& value) : List(size) { fill(value); }
+  [[gnu::noinline]] List(const List& other) : List(other.size_) {
+    for (std::size_t i = 0; i < size_; ++i) elements_[i] = other.elements_[i];
+  }
+  List(List&& other) noexcept : elements_(other.elements_), size_(other.size_), room_(other.room_) {
+    other.elements_ = nullptr;
+    other.size_ = other.room_ = 0;
+  }
+  [[gnu::noinline]] List& operator=(List other) noexcept {
+    swap(other);
+    return *this;
+  }
+  [[gnu::noinline]] ~List() { delete[] elements_; }
+
+  std::size_t size() const noexcept { return size_; }
+  T& operator[](std::size_t i) noexcept { return elements_[i]; }
+  const T& operator[](std::size_t i) const noexcept { return elements_[i]; }
+  T* data() noexcept { return elements_; }
+  const T* data() const noexcept { return elements_; }
+  T* begin() noexcept { return elements_; }
+  const T* begin() const noexcept { return elements_; }
+  T* end() noexcept { return elements_ + size_; }
+  const T* end() const noexcept { return elements_ + size_; }
+
+  void fill(const T& value) noexcept {
+    for (std::size_t i = 0; i < size_; ++i) elements_[i] = value;
+  }
+  void clear() noexcept { size_ = 0; }
+  [[gnu::noinline]] void push_back(T element) {
+    if (size_ == room_) {
+      List larger(2 * size_ + 4);
+      for (std::size_t i = 0; i < size_; ++i) larger.elements_[i] = std::move(elements_[i]);
+      larger.size_ = size_;
+      swap(larger);
+    }
+    elements_[size_++] = std::move(element);
+  }
+
+ private:
+  void swap(List& other) noexcept {
+    std::swap(elements_, other.elements_);
+    std::swap(size_, other.size_);
+    std::swap(room_, other.room_);
+  }
+
+  T* elements_{nullptr};
+  std::size_t size_{0}, room_{0};
+};
+
+}  // namespace icat::detail
