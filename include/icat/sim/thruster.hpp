@@ -30,8 +30,8 @@ class ThrusterModel {
     Scalar maximum = 60;          ///< thrust at full speed forwards, N
     Scalar minimum = -48;         ///< backwards, N
     double time_constant = 0.15;  ///< τ, s; 0 follows at once
-    Scalar dead_zone =
-        static_cast<Scalar>(0.05);  ///< no thrust below this share of full, in [0, 1)
+    /// No thrust below this share of the full one, in [0, 1).
+    Scalar dead_zone = static_cast<Scalar>(0.05);
   };
 
   /// At rest.
