@@ -234,20 +234,25 @@ void compare(const Layout& layout, const Oracle& oracle, const Allocation& alloc
   }
 }
 
+// Published layout, also where it pulls less than it pushes: the direction is always kept.
 TEST(ThrusterAllocation, IsTheLinearProgramOnTheLayoutOfR2) {
-  const Layout layout = r2();
-  const Oracle oracle(layout);
-  Allocation allocation = build(layout);
   Random random(1);
   Counts counts;
-  for (int k = 0; k < (sanitized ? 300 : 30'000); ++k) {
-    SCOPED_TRACE(k);
-    Vector6d w = random.direction() * random.real(0, 200);
-    w(5) *= random.real(0, 1.5);
-    ASSERT_EQ(allocation.allocate(w), Status::ok);
-    compare(layout, oracle, allocation, w, counts, true);
-    if (testing::Test::HasFailure()) return;
+  for (const double minimum : {-60, -48, -20}) {
+    Layout layout = r2();
+    layout.thrusters = icat::r2_thrusters<double>(60, minimum);
+    const Oracle oracle(layout);
+    Allocation allocation = build(layout);
+    for (int k = 0; k < (sanitized ? 100 : 10'000); ++k) {
+      SCOPED_TRACE(testing::Message() << minimum << " " << k);
+      Vector6d w = random.direction() * random.real(0, 200);
+      w(5) *= random.real(0, 1.5);
+      ASSERT_EQ(allocation.allocate(w), Status::ok);
+      compare(layout, oracle, allocation, w, counts, true);
+      if (testing::Test::HasFailure()) return;
+    }
   }
+  EXPECT_EQ(counts.exact, counts.groups);
   EXPECT_GT(counts.scaled, counts.groups / 10);
 }
 
@@ -326,9 +331,9 @@ TEST(ThrusterAllocation, IsContinuous) {
 // the largest factor jumps as surge turns from zero.
 TEST(ThrusterAllocation, IsContinuousWhereTheLargestFactorIsNot) {
   std::vector<Thruster<double>> thrusters(3);
-  for (int i = 0; i < 3; ++i) {
-    thrusters[i].minimum = -50;
-    thrusters[i].maximum = 50;
+  for (auto& thruster : thrusters) {
+    thruster.minimum = -50;
+    thruster.maximum = 50;
   }
   thrusters[0].position = {0, -0.3, 0};
   thrusters[1].position = {0, 0.3, 0};
@@ -488,15 +493,40 @@ TEST(ThrusterAllocation, ZeroAndNothing) {
   EXPECT_EQ(allocation.achieved()(5), 100);
 }
 
+// Thrusters along axes on a grid depend on each other in every way, and most of them fail.
+TEST(ThrusterAllocation, DegenerateLayouts) {
+  Random random(8);
+  Counts counts;
+  for (int k = 0; k < (sanitized ? 30 : 2000); ++k) {
+    Layout layout = random.layout();
+    for (auto& t : layout.thrusters) {
+      for (int j = 0; j < 3; ++j) t.position(j) = random.integer(-1, 1);
+      t.direction.setZero();
+      t.direction(random.integer(0, 2)) = random.integer(0, 1) == 0 ? -1 : 1;
+    }
+    Allocation allocation = build(layout);
+    for (int r = 0; r < 8; ++r) {
+      SCOPED_TRACE(testing::Message() << k << " " << r);
+      const Vector6d w = random.direction() * 100;
+      ASSERT_EQ(allocation.allocate(w), Status::ok);
+      compare(layout, Oracle(layout), allocation, w, counts, false);
+      if (testing::Test::HasFailure()) return;
+      const int thruster = random.integer(0, static_cast<int>(layout.thrusters.size()) - 1);
+      const bool fails = random.integer(0, 3) > 0;
+      layout.failed[static_cast<std::size_t>(thruster)] = fails;
+      ASSERT_EQ(fails ? allocation.fail(thruster) : allocation.restore(thruster), Status::ok);
+    }
+  }
+  EXPECT_GT(counts.exact, counts.groups / 2);
+}
+
 // What no thruster can do is left out; the rest keeps its direction.
 TEST(ThrusterAllocation, RankLoss) {
   std::vector<Thruster<double>> thrusters(2);
-  for (int i = 0; i < 2; ++i) {
-    thrusters[i] = {.position = {0, i == 0 ? -0.3 : 0.3, 0},
-                    .direction = {2, 0, 0},
-                    .minimum = -40,
-                    .maximum = 50};
+  for (auto& thruster : thrusters) {
+    thruster = {.position = {0, 0.3, 0}, .direction = {2, 0, 0}, .minimum = -40, .maximum = 50};
   }
+  thrusters[0].position(1) = -0.3;
   Allocation allocation(thrusters, {{yaw, sway}, {surge, heave}});
   Vector6d w;
   w << 30, 10, 5, 1, 1, 6;
