@@ -243,7 +243,7 @@ TEST(ThrusterAllocation, IsTheLinearProgramOnTheLayoutOfR2) {
     layout.thrusters = icat::r2_thrusters<double>(60, minimum);
     const Oracle oracle(layout);
     Allocation allocation = build(layout);
-    for (int k = 0; k < (sanitized ? 100 : 10'000); ++k) {
+    for (int k = 0; k < (sanitized ? 1000 : 10'000); ++k) {
       SCOPED_TRACE(testing::Message() << minimum << " " << k);
       Vector6d w = random.direction() * random.real(0, 200);
       w(5) *= random.real(0, 1.5);
@@ -259,7 +259,7 @@ TEST(ThrusterAllocation, IsTheLinearProgramOnTheLayoutOfR2) {
 TEST(ThrusterAllocation, IsTheLinearProgramOnAnyLayout) {
   Random random(2);
   Counts counts;
-  for (int k = 0; k < (sanitized ? 300 : 70'000) / 10; ++k) {
+  for (int k = 0; k < (sanitized ? 3000 : 70'000) / 10; ++k) {
     const Layout layout = random.layout();
     const Oracle oracle(layout);
     Allocation allocation = build(layout);
@@ -272,7 +272,7 @@ TEST(ThrusterAllocation, IsTheLinearProgramOnAnyLayout) {
       if (testing::Test::HasFailure()) return;
     }
   }
-  EXPECT_GT(counts.exact, counts.groups * 6 / 10);
+  EXPECT_GT(counts.exact, counts.groups / 2);
   EXPECT_GT(counts.along, counts.exact);
   EXPECT_GT(counts.scaled, counts.groups / 10);
 }
@@ -308,7 +308,7 @@ double change_of_smallest_step(Allocation& allocation, const Vector6d& amplitude
 
 TEST(ThrusterAllocation, IsContinuous) {
   Random random(3);
-  for (int k = 0; k < (sanitized ? 20 : 1000); ++k) {
+  for (int k = 0; k < (sanitized ? 200 : 1000); ++k) {
     SCOPED_TRACE(k);
     const Layout layout = k % 3 == 0 ? r2() : random.layout();
     Allocation allocation = build(layout);
