@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// The electric 7-DoF arm of the MARIS project, and where it sits under the vehicle.
+/// The electric 7-DoF arm of the MARIS project, where it sits under the vehicle, and the vehicle's
+/// thrusters.
 #pragma once
 
+#include <vector>
+
 #include "icat/model/joint.hpp"
+#include "icat/model/thruster.hpp"
 
 namespace icat {
 
@@ -43,6 +47,35 @@ Pose<Scalar> maris_arm_mount() {
   rotation(0, 0) = rotation(1, 1) = Scalar(-1);
   return detail::make_pose(
       rotation, Vector3<Scalar>(static_cast<Scalar>(0.167), Scalar(0), static_cast<Scalar>(0.43)));
+}
+
+/// Eight thrusters of the vehicle R2: 0 to 3 horizontal, front right, front left, back left, back
+/// right, at (±0.45, ±0.30) m, turned by −45°, 45°, 135°, −135° from x about z; 4 to 7 vertical at
+/// the same places in this order, positive thrust downwards. Published are four and four [MARIS];
+/// places, angles and limits are ours. The horizontal ones reach 170 N along an axis, as the forces
+/// of [Coop, V-B], and 127 N m.
+/// @param maximum, minimum  of each, N
+template <class Scalar>
+[[gnu::cold]] std::vector<Thruster<Scalar>> r2_thrusters(Scalar maximum = Scalar(60),
+                                                         Scalar minimum = Scalar(-60)) {
+  // Signs of x and y of the place, of x and y of the direction.
+  constexpr int signs[4][4] = {{1, 1, 1, -1}, {1, -1, 1, 1}, {-1, -1, -1, 1}, {-1, 1, -1, -1}};
+  const auto length = static_cast<Scalar>(0.45), width = static_cast<Scalar>(0.30);
+  std::vector<Thruster<Scalar>> thrusters;
+  for (const bool horizontal : {true, false}) {
+    for (const auto& sign : signs) {
+      Thruster<Scalar> t;
+      t.position(0) = static_cast<Scalar>(sign[0]) * length;
+      t.position(1) = static_cast<Scalar>(sign[1]) * width;
+      t.direction(0) = static_cast<Scalar>(horizontal ? sign[2] : 0);
+      t.direction(1) = static_cast<Scalar>(horizontal ? sign[3] : 0);
+      t.direction(2) = static_cast<Scalar>(horizontal ? 0 : 1);
+      t.minimum = minimum;
+      t.maximum = maximum;
+      thrusters.push_back(t);
+    }
+  }
+  return thrusters;
 }
 
 }  // namespace icat
