@@ -30,6 +30,9 @@ build/bench/benchmarks/safe_gains >"$out/safe_gains.md" || fail "safe_gains fail
 say "Running: saturation"
 build/bench/benchmarks/saturation >"$out/saturation.md" || fail "saturation failed"
 
+say "Running: thrusters, for docs/vehicle.md"
+build/bench/benchmarks/thrusters >"$out/thrusters.md" || fail "thrusters failed"
+
 say "Running: worst_case, under callgrind"
 counts=$out/callgrind
 mkdir -p "$counts"

@@ -150,6 +150,9 @@ step() {
   say "$title ($((SECONDS - start)) s)"
 }
 
+# So that ccache keeps what is compiled with the precompiled headers of the tests.
+export CCACHE_SLOPPINESS=pch_defines,time_macros
+
 # build <preset> [<target>...]: configures and builds, all or the targets named.
 build() {
   local targets=("${@:2}")
