@@ -660,4 +660,20 @@ TYPED_TEST(Implausible, HugeNumbersAreRefusedAndTheRestIsServed) {
   }
 }
 
+// A copy has memory of its own, of its own size.
+TEST(Tpik, CopiesOfOtherSize) {
+  icat::Tpik<double> small(4), large(12);
+  const MatrixXd J = HierarchyGenerator(1).matrix(2, 12);
+  const VectorXd a = VectorXd::Constant(2, 0.5), reference = VectorXd::Ones(2);
+  ASSERT_EQ(large.add_level(J, a, reference), Status::ok);
+  small = large;
+  EXPECT_EQ(small.dof(), 12);
+  EXPECT_EQ(small.projector(), large.projector());
+  const icat::Tpik<double> copy(small);
+  ASSERT_EQ(small.add_level(J, a, reference), Status::ok);
+  ASSERT_EQ(small.minimize_velocity(), Status::ok);
+  EXPECT_EQ(copy.projector(), large.projector());
+  EXPECT_EQ(copy.velocity(), large.velocity());
+}
+
 }  // namespace

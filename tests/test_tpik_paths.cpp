@@ -286,6 +286,23 @@ TEST(Paths, RegularizedBinaryLevels) {
   }
 }
 
+// An eigenvalue at the threshold, to rounding, beside one of zero: whether it counts as below may
+// differ from one step to the next.
+TEST(Paths, EigenvaluesAtTheThresholdBesideZero) {
+  for (unsigned seed = 0; seed < 3000; ++seed) {
+    SCOPED_TRACE(seed);
+    HierarchyGenerator gen(seed);
+    const int n = gen.integer(4, 9), rows = gen.integer(3, n - 1);
+    MatrixXd J = with_singular_values(gen, VectorXd::Ones(rows), n);
+    VectorXd a = VectorXd::Ones(rows);
+    a(gen.integer(0, rows - 2)) = threshold;
+    J.row(rows - 1) = J.row(0) + J.row(1);
+    RandomHierarchy h = empty(n);
+    h.levels = {level(gen, J, a), level(gen, gen.matrix(1, n), VectorXd::Ones(1))};
+    expect_literal(h);
+  }
+}
+
 // Two-sided Jacobi rotations from 10⁶ σ_t on.
 TEST(Paths, LargeRowsBesideSmallOnes) {
   HierarchyGenerator gen(15);

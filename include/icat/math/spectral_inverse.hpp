@@ -129,7 +129,8 @@ class SpectralInverse {
     tau_[0] = first.tau;
     update(s, 0, v, first.tau);
     tridiagonalize(s, 1);
-    if (count_below(unit_ * Scalar(f.threshold)) == 0) {
+    below_ = count_below(unit_ * Scalar(f.threshold), size_);
+    if (below_ == 0) {
       rest_ = size_;
       z[0] = first.length;
       function(z);
@@ -151,7 +152,7 @@ class SpectralInverse {
   template <class Regularization>
   bool diagonalize(Square s, const Regularization& f) noexcept {
     tridiagonalize(s, 0);
-    count_below(unit_ * Scalar(f.threshold));
+    below_ = count_below(unit_ * Scalar(f.threshold), size_);
     set_identity();
     for (Index i = reflections_; i-- > 0;) {
       reflect_from(i + 1, n_, tau_[i], householder_[i], n_ - i - 1, vectors_.from(i + 1));
@@ -245,15 +246,15 @@ class SpectralInverse {
   }
 
   /// Step 2.
-  Index count_below(Scalar threshold) noexcept {
-    below_ = 0;
+  Index count_below(Scalar threshold, Index n) const noexcept {
+    Index below = 0;
     Scalar q(1);
-    for (Index i = 0; i < size_; ++i) {
+    for (Index i = 0; i < n; ++i) {
       q = diagonal_[i] - threshold - (i > 0 ? sub_[i - 1] * sub_[i - 1] / q : Scalar(0));
-      if (!(q > Scalar(0))) ++below_;
+      if (!(q > Scalar(0))) ++below;
       if (q == Scalar(0)) q = -std::numeric_limits<Scalar>::min();
     }
-    return below_;
+    return below;
   }
 
   /// Step 3. From `rest_` on T is diagonal, with `value_` = f(σ). Column k of the vectors has
@@ -267,13 +268,18 @@ class SpectralInverse {
                                 (i + 1 < size_ ? std::abs(sub_[i]) : Scalar(0)));
     }
     const Scalar nothing = norm * std::numeric_limits<Scalar>::epsilon();
+    const Scalar threshold = unit_ * Scalar(f.threshold);
     Index left = below_;
     Index end = size_ - 1;
     // LAPACK's bound: 30 steps for each eigenvalue; about 1.7 are needed.
-    for (Index steps = 30 * size_; left > 0 && end >= 0;) {
+    for (Index steps = 30 * size_; end >= 0;) {
+      // An eigenvalue at the threshold may count as below it here and not there: all are found when
+      // none is counted in what is left.
+      if (left <= 0) left = count_below(threshold, end + 1);
+      if (left == 0) break;
       if (end == 0 || std::abs(sub_[end - 1]) <= nothing) {
         if (end > 0) sub_[end - 1] = Scalar(0);
-        if (!(diagonal_[end] >= unit_ * Scalar(f.threshold))) --left;
+        if (!(diagonal_[end] >= threshold)) --left;
         value_[end] = f.inverse(std::max(diagonal_[end], Scalar(0)) / unit_);
         --end;
         continue;

@@ -34,7 +34,7 @@ class LevelRows {
     for (Scalar** x : {&a, &gains, &inverses}) *x = memory.take(1).data;
   }
 
-  /// Begins a level of `active` rows with a > 0; then `row` for each, then `solve`.
+  /// Begins a level of `active` rows with a > 0; then `row` for each, then `finish`.
   void begin(Index active) noexcept {
     active_ = active;
     stored_ = 0;
@@ -91,7 +91,7 @@ class LevelRows {
   Index below{0};      ///< eigenvalues of S below the threshold
   Block bt{}, g{};     ///< Bᵀ, r × m, and S; of a tall level bt is its last chunk of rows
   Block f{}, basis{};  ///< f_large(S); if regularized V, of which the last `below` columns count
-  Block change{};      ///< of a tall level that is not binary: C
+  Block change{};      ///< of a tall level that is not binary: C. Of a wide one free: r × r
   Block e{}, rhs{};    ///< A^{3/2} e, m × sides; of a tall level Bᵀ A^{3/2} e
   Scalar *a{}, *gains{}, *inverses{};  ///< activations; σ_i f(σ_i) and f(σ_i)
 

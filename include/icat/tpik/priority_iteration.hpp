@@ -2,12 +2,14 @@
 /// @file
 /// One iteration of [Coop, Eq. (22)], shared by `Tpik` and `ParametricTpik`.
 ///
-/// With Q = L Nᵀ, L = N − U Vᵀ (q().hpp), X = J L, B = A^{1/2} X over the rows of activation
+/// With Q = L Nᵀ, L = N − U Vᵀ (projector.hpp), X = J L, B = A^{1/2} X over the rows of activation
 /// a > 0 (a row with a = 0 drops out of Eq. (20) exactly), f the regularized inverse, e = ẋ̄ − J ρ:
 ///
-///     z = f(M) Bᵀ A^{3/2} e,   M = BᵀB + η (I − Q)ᵀ(I − Q)                      W e = X z, Eq.
-///     (20) C = X^{#,A,I} X = f(BᵀB) BᵀA B = Bᵀ f(BBᵀ) A B Δ = L C z,        Q ← Q − L C Nᵀ [Eq.
-///     (22)]
+///     z = f(M) Bᵀ A^{3/2} e,   M = BᵀB + η (I − Q)ᵀ(I − Q)             so that W e = X z, Eq. (20)
+///
+///     C = X^{#,A,I} X = f(BᵀB) BᵀA B = Bᵀ f(BBᵀ) A B
+///
+///     Δ = L C z,   Q ← Q − L C Nᵀ                                                       Eq. (22)
 ///
 /// B, f and C: level_rows.hpp; z: projected_system.hpp. Derivations: docs/solver.md.
 ///
@@ -57,8 +59,8 @@ class PriorityIteration {
     level_.template row<N>(jacobian, i, activation, wanted, current, step, row_scale);
   }
 
-  /// Computes `increment`; `accept` then takes over the next q(). False, with nothing
-  /// changed, if anything overflowed.
+  /// Computes `increment`; `accept` then takes over the next projector. False, with
+  /// nothing changed, if anything overflowed.
   bool solve() noexcept {
     level_.regularized = false;
     if (free() == 0) {

@@ -212,7 +212,8 @@ class Projector {
     if (partial_ == 0) reach_ = free_;
   }
 
-  /// Axis i is taken: its rows go from K₀ to K_t, and out of VᵀV.
+  /// Axis i is taken: its rows go from K₀ to K_t, and out of VᵀV. Two columns of work_ are there:
+  /// p < r, so r and n are at least 2.
   void move_weight(Index i) noexcept {
     Scalar *u = work_[0], *v = work_[1];
     for (Index c = 0; c < partial_; ++c) u[c] = u_(i, c), v[c] = v_(i, c);

@@ -32,6 +32,7 @@ class StoredIteration : public PriorityIteration<Scalar, Regularization> {
   StoredIteration& operator=(const StoredIteration& other) {
     Base::operator=(other);
     memory_ = other.memory_;
+    projector_ = other.projector_;
     this->bind(other.dof(), Sides, memory_.data());
     return *this;
   }
