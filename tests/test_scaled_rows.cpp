@@ -55,6 +55,9 @@ TEST(LengthPower, OfTheCatalogue) {
                                          {icat::Obstacle<double>::sphere({1, 0, 0}, 0.1)}, away)),
             "11");
   EXPECT_EQ(powers(task::SelfClearance<Tree>(robot, bodies, {{0, 1}}, away)), "1");
+  Tree massive(
+      {.joints = icat::axes_chain(spatial_arm<double>(0.3)), .masses = {{"link4", 1, {0, 0, 0}}}});
+  EXPECT_EQ(powers(task::CenterOfMass<Tree>(massive, {0, 0, 0})), "111");
   const auto nothing = [](const Tree&, auto, auto) {};
   EXPECT_EQ(powers(task::FunctionTask<Tree>(robot, away, nothing)), "0");
   EXPECT_EQ(powers(task::FunctionTask<Tree>(robot, away, nothing, {.rows = 2, .length_power = 1})),
