@@ -166,10 +166,10 @@ LevelReport<Scalar> check_level(const LevelInput<Scalar>& input, Index columns) 
     return level;
   }
   bool good = jacobian.finite();
+  for (const Scalar scale : row_scale) good &= scale > Scalar(0) && scale < infinity<Scalar>;
   for (Index i = 0; i < level.rows; ++i) {
     const Scalar a = activation(i);
-    good &= a >= Scalar(0) && a <= Scalar(1) && reference(i) * Scalar(0) == Scalar(0) &&
-            input.scale(i) > Scalar(0) && input.scale(i) < infinity<Scalar>;
+    good &= a >= Scalar(0) && a <= Scalar(1) && reference(i) * Scalar(0) == Scalar(0);
     if (a > Scalar(0)) ++level.active_rows;
   }
   if (good) return level;

@@ -55,10 +55,16 @@ class ProjectedSystem {
     if (m + p > r || small_eigenvalues_) return false;
     const Scalar rest = Scalar(1) - sigma_ * trace(m, f);
     const auto& [s, bv, fbv, l, product_] = scratch;
-    if (!(rest > Scalar(0)) || !set_kv(s) || !cholesky(p, s, product_)) return false;
-    explicit_factor(p, product_, l);
+    if (!(rest > Scalar(0)) || !set_kv(s)) return false;
     transposed_product(r, m, p, jt, projector.v(), bv);
     product(Into::set, m, p, m, f, elements(bv), fbv);
+    if (p == 1) {  // the same with numbers
+      const Scalar v =
+          projector.v_gram()(0, 0) - dot(m, bv[0], fbv[0]) - sigma_ / rest * dot(m, fbv[0], fbv[0]);
+      return s(0, 0) > Scalar(0) && s(0, 0) * v > sigma_;
+    }
+    if (!cholesky(p, s, product_)) return false;
+    explicit_factor(p, product_, l);
     transposed_product(m, p, p, bv, fbv, product_);
     for (Index j = 0; j < p; ++j) {
       combine(p, Scalar(-1), product_[j], Scalar(1), projector.v_gram()[j], s[j]);
