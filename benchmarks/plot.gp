@@ -11,6 +11,7 @@ set style fill solid 0.8 noborder
 set yrange [0:*]
 set grid ytics
 set key top left
+set xtics font "sans,9"
 plot dir."/patterns.dat" using 2:xtic(1) title "static", '' using 3 title "dynamic", \
   '' using 4 title "float"
 
@@ -21,7 +22,7 @@ set logscale xy
 set fit quiet logfile "/dev/null"
 set xrange [6:80]
 set yrange [*:*]
-set xtics (7, 13, 20, 32, 64)
+set xtics (7, 13, 20, 32, 64) font "sans,11"
 f(x) = a * x**b
 a = 0.05; b = 2
 fit log10(f(x)) dir."/growth.dat" using 1:(log10($2)) via a, b
