@@ -57,7 +57,7 @@ TEST(Saturation, BitwiseAsPublishedWhereNothingSaturates) {
 template <class Scalar>
 void expect_bounds_and_priorities(Saturation saturation) {
   int saturated = 0, kept = 0;
-  int given_up = 0;
+  Eigen::Index most_steps = -1000;
   for (unsigned seed = 0; seed < (sanitized ? 60 : 600); ++seed) {
     SCOPED_TRACE(seed);
     HierarchyGenerator gen(seed);
@@ -82,7 +82,7 @@ void expect_bounds_and_priorities(Saturation saturation) {
       ASSERT_GE(report.saturation_scale, 0);
       ASSERT_LE(report.saturation_scale, 1);
       saturated += report.saturated > 0 ? 1 : 0;
-      given_up += report.saturation_steps >= 4 * h.dof ? 1 : 0;
+      most_steps = std::max(most_steps, report.saturation_steps - 4 * h.dof);
       const VectorXd y = tpik.velocity().template cast<double>();
       for (const auto& [J, rate] : above) {
         // Rounding: of Q against the level's rows, of size J times n. Multipliers are up to 1/ε of
@@ -101,9 +101,7 @@ void expect_bounds_and_priorities(Saturation saturation) {
   }
   EXPECT_GT(saturated, sanitized ? 50 : 1000);
   EXPECT_GT(kept, sanitized ? 20 : 400);
-  // The bound on time does not end the search, but for one level in `float`, where rounding goes
-  // round in circles.
-  EXPECT_LE(given_up, (std::is_same_v<Scalar, float> ? 1 : 0));
+  EXPECT_LT(most_steps, 0);  // the bound on time is never what ends the search
 }
 TEST(Saturation, BoundsHoldAndPrioritiesAreKept) {
   for (const auto s : {Saturation::scale, Saturation::continuous_scale, Saturation::redistribute}) {
@@ -172,7 +170,7 @@ TEST(Redistribution, IsTheMinimum) {
     EXPECT_LE((rho + r.increment - minimum(G, rho + delta, bound)).norm(), 1e-7);
     EXPECT_GE(s, 0);
     EXPECT_LE(s, 1);
-    most = std::max(most, r.held);
+    most = std::max(most, r.held());
   }
   EXPECT_GE(most, 3);
 }

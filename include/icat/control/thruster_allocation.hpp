@@ -125,8 +125,8 @@ class ThrusterAllocation {
   }
 
   /// From now on a thruster gives nothing, and the others take over: thrusts for the last request
-  /// are computed anew. `out_of_range` if there is none of this index. No allocation; some ten
-  /// times as long as `allocate`.
+  /// are computed anew. `out_of_range` if there is none of this index. No allocation; thirty
+  /// to forty times as long as `allocate`.
   Status fail(Index thruster) noexcept { return set_limits(thruster, false); }
   /// It works again, as `fail`.
   Status restore(Index thruster) noexcept { return set_limits(thruster, true); }
@@ -136,7 +136,7 @@ class ThrusterAllocation {
   }
 
   /// f, N; never beyond a limit, not even by rounding.
-  const VectorN& thrust() const noexcept { return shortest_.x; }
+  const VectorN& thrust() const noexcept { return shortest_.x(); }
   /// B f: all six components, those that are not controlled too.
   const Vector6<Scalar>& achieved() const noexcept { return achieved_; }
   /// Number of groups.
@@ -152,7 +152,7 @@ class ThrusterAllocation {
   }
   /// Whether a thruster that works is at a limit other than 0, to rounding.
   bool saturated(Index thruster) const noexcept {
-    const Scalar f = shortest_.x(thruster);
+    const Scalar f = shortest_.x()(thruster);
     const Scalar near = rounding * (upper_(thruster) - lower_(thruster));
     return (upper_(thruster) > Scalar(0) && f >= upper_(thruster) - near) ||
            (lower_(thruster) < Scalar(0) && f <= lower_(thruster) + near);
@@ -270,7 +270,7 @@ class ThrusterAllocation {
         row_of_[component] = -1;
         negligible_[component] = rounding * force * (c < 3 ? Scalar(1) : arm_);
         if (!(reach_[component] > negligible_[component])) continue;
-        VectorN& row = shortest_.x;  // is computed anew by `distribute`
+        VectorN& row = shortest_.x();  // is computed anew by `distribute`
         for (Index i = 0; i < n_; ++i) {
           const bool works = !failed(i);
           row(i) = works ? wrenches_(c, i) / reach_[component] : Scalar(0);
@@ -308,7 +308,7 @@ class ThrusterAllocation {
     shortest_.solve(got, lower_.data(), upper_.data());
     for (Index j = 0; j < 6; ++j) {
       achieved_(j) = Scalar(0);
-      for (Index i = 0; i < n_; ++i) achieved_(j) += wrenches_(j, i) * shortest_.x(i);
+      for (Index i = 0; i < n_; ++i) achieved_(j) += wrenches_(j, i) * shortest_.x()(i);
     }
     for (Index g = 0, component = 0; g < groups(); component += group(g++).size) {
       report(group(g), component, got, wanted);

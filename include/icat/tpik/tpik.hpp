@@ -245,8 +245,8 @@ class Tpik {
         redistribution_.solve(iteration_.projector_matrix(), rho_.data(), increment, lower, upper);
     const Scalar* shared = redistribution_.increment.data();
     if (detail::check_speeds(dof(), shared) != Status::ok) return;  // as published, then
-    level.saturated = redistribution_.held;
-    level.saturation_steps = redistribution_.steps;
+    level.saturated = redistribution_.held();
+    level.saturation_steps = redistribution_.steps();
     const Scalar rest = options_.bounds.scale(dof(), rho_.data(), shared, share);
     level.saturation_scale = s * rest;
     std::copy_n(rho_.data(), dof(), next_rho_.data());
