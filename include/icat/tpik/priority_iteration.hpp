@@ -142,22 +142,30 @@ class PriorityIteration {
       }
       copy_rows(m, sides_, level_.e, y_);
       if (level_.regularized) level_.filter(y_);
-    } else {
-      const Block btb = level_.change;
-      product(Into::set, r, sides_, m, level_.bt, elements(level_.e), level_.rhs);
-      product(Into::set, r, r, m, level_.bt, transposed(level_.bt), btb);
-      if (system().regular(btb, level_.rhs, z_)) {
-        transposed_product(r, m, sides_, level_.bt, z_, y_);
-      } else if (level_.regularized || !system().reduces(m) ||
-                 !system().reduced(m, level_.bt, level_.g, level_.e, y_)) {
-        if (!system().full(btb, level_.rhs, z_)) return false;
-        transposed_product(r, m, sides_, level_.bt, z_, y_);
-      }
+    } else if (!solve_dependent()) {
+      return false;
     }
     for (Index c = 0; c < sides_; ++c) {
       for (Index i = 0; i < m; ++i) y_(i, c) *= level_.a[i];
     }
     apply_wide(y_);
+    return true;
+  }
+  /// y_ = B z where rows and partial rows depend on each other, or nothing is certain.
+  bool solve_dependent() noexcept {
+    const Index r = free(), m = level_.rank;
+    const bool spans = m + q().partial() >= r;  // else M has zeros, and no Cholesky factor
+    if (!spans && !level_.regularized && system().reduces(m) &&
+        system().reduced(m, level_.bt, level_.g, level_.e, y_)) {
+      return true;
+    }
+    const Block btb = level_.change;
+    product(Into::set, r, sides_, m, level_.bt, elements(level_.e), level_.rhs);
+    product(Into::set, r, r, m, level_.bt, transposed(level_.bt), btb);
+    if (!(spans && system().regular(btb, level_.rhs, z_)) && !system().full(btb, level_.rhs, z_)) {
+      return false;
+    }
+    transposed_product(r, m, sides_, level_.bt, z_, y_);
     return true;
   }
   void apply_wide(Block y) noexcept {
