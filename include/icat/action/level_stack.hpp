@@ -87,7 +87,7 @@ class LevelStack {
         }
       }
     }
-    wanted_ = detail::List<bool>(tasks_.size());
+    wanted_ = List<bool>(tasks_.size());
   }
 
   /// Enters `action` at once, for a start in the middle of things. A refusal changes nothing.
@@ -252,12 +252,12 @@ class LevelStack {
   StepClock clock_;
   UnifiedHierarchy<R> hierarchy_;
   Transition transition_;
-  detail::List<double> targets_;
-  detail::List<std::string> names_;
-  detail::List<Task<R>*> tasks_;
-  detail::List<std::size_t> task_of_;  // which of them, for each entry
-  detail::List<bool> wanted_;          // those with a phase activation
-  detail::List<RobotLevel> levels_;
+  List<double> targets_;
+  List<std::string> names_;
+  List<Task<R>*> tasks_;
+  List<std::size_t> task_of_;  // which of them, for each entry
+  List<bool> wanted_;          // those with a phase activation
+  List<RobotLevel> levels_;
   std::size_t action_{none};
 };
 

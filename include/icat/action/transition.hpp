@@ -87,7 +87,7 @@ class Transition {
     return Status::ok;
   }
 
-  detail::List<double> start_, target_, value_;
+  List<double> start_, target_, value_;
   double begin_{-infinity<double>}, duration_{1}, now_{-infinity<double>};
 };
 

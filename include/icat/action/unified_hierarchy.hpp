@@ -24,12 +24,12 @@ template <Robot R>
 struct HierarchyEntry {
   /// Never null.
   Task<R>* task;
-  detail::List<bool> in_action;  ///< one for each action
+  List<bool> in_action;  ///< one for each action
 };
 
 /// Levels of entries, the highest priority first: two lists to read as `std::vector`.
 template <Robot R>
-using UnifiedHierarchy = detail::List<detail::List<HierarchyEntry<R>>>;
+using UnifiedHierarchy = List<List<HierarchyEntry<R>>>;
 
 namespace detail {
 
@@ -393,7 +393,7 @@ template <Robot R>
 template <Robot R>
 [[gnu::cold]] UnifiedHierarchy<R> unified_hierarchy(const std::vector<Action<R>>& actions) {
   if (actions.empty()) detail::invalid("unified_hierarchy: there are no actions");
-  const detail::List<Task<R>*> tasks = detail::distinct_tasks(actions);
+  const List<Task<R>*> tasks = detail::distinct_tasks(actions);
   const detail::ActionOrders orders = detail::action_orders(actions, tasks);
   detail::ActionOrders::Numbers list, left = orders.length;
   if (!detail::HierarchySearch(orders).solve(list)) {
@@ -407,11 +407,11 @@ template <Robot R>
     const std::size_t* level = list.data() + k * tasks.size();
     std::size_t count = 0;
     for (std::size_t t = 0; t < tasks.size(); ++t) count += level[t];
-    levels[k] = detail::List<HierarchyEntry<R>>(count);
+    levels[k] = List<HierarchyEntry<R>>(count);
     for (std::size_t t = 0, i = 0; t < tasks.size(); ++t) {
       if (!level[t]) continue;
       levels[k][i].task = tasks[t];
-      levels[k][i++].in_action = detail::List<bool>(actions.size());
+      levels[k][i++].in_action = List<bool>(actions.size());
     }
     for (std::size_t a = 0; a < actions.size(); ++a) {
       if (!orders.fits(a, left[a], level)) continue;

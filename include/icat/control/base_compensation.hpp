@@ -164,7 +164,7 @@ class BaseCompensation {
 
   detail::GivenTpik<R, Regularization> tpik_;
   ColumnRange base_;
-  detail::List<Index> columns_;  // those that are not the base's
+  List<Index> columns_;  // those that are not the base's
   Law law_;
   VelocityBounds<Scalar, Eigen::Dynamic> bounds_;
   JointVelocity joint_velocity_, wanted_, reference_;

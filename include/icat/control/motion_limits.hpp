@@ -342,7 +342,7 @@ class MotionLimits {
 
   double reaction_time_{0.1};
   bool unlimited_{false};
-  detail::List<Column> columns_;
+  List<Column> columns_;
   detail::CommandHistory history_;
   VelocityBounds<Scalar, R::size> bounds_;
   Velocity lower_, upper_, command_;

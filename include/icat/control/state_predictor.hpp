@@ -120,7 +120,7 @@ class StatePredictor {
   detail::CommandHistory history_;
   Velocity command_;
   State state_;
-  detail::List<Index> columns_;
+  List<Index> columns_;
   Index base_first_{0};
   JacobianMatrix<Scalar> motion_;
 };

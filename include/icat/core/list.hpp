@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
 /// A list for the library's own data. `std::vector` does the same, but each type of its elements
-/// costs a compiler ten times as much.
+/// costs a compiler ten times as much (docs/benchmarks.md bounds what a user's file costs).
 #pragma once
 
 #include <cstddef>
 #include <utility>
 
-namespace icat::detail {
+namespace icat {
 
 /// Elements one after the other, all of them constructed: they need a default. Construction, copies
 /// and `push_back` allocate.
@@ -66,4 +66,4 @@ class List {
   std::size_t size_{0}, room_{0};
 };
 
-}  // namespace icat::detail
+}  // namespace icat

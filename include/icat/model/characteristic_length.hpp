@@ -60,7 +60,7 @@ template <FramedRobot R>
     if constexpr (requires { robot.for_each_joint_of(frame, visit); }) {
       robot.for_each_joint_of(frame, visit);
     } else {
-      detail::List<bool> joint(static_cast<std::size_t>(robot.dof()));
+      List<bool> joint(static_cast<std::size_t>(robot.dof()));
       for (const auto& info : robot.joints()) joint[static_cast<std::size_t>(info.column)] = true;
       const auto& J = robot.jacobian(frame);
       for (Index c = robot.dof(); c-- > 0;) {

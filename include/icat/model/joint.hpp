@@ -13,7 +13,6 @@
 #pragma once
 
 #include <array>
-#include <cstdio>
 #include <limits>
 #include <optional>
 #include <string>
@@ -81,8 +80,7 @@ namespace detail {
 template <class Scalar>
 [[gnu::cold]] void name_in_chain(Joint<Scalar>& joint, std::size_t number,
                                  const std::string& parent, const std::string& prefix) {
-  char text[24];
-  std::snprintf(text, sizeof text, "%zu", number);
+  const std::string text = std::to_string(number);
   joint.name.append(prefix).append("joint").append(text);
   joint.link.append(prefix).append("link").append(text);
   joint.parent = parent;

@@ -107,8 +107,7 @@ class KinematicTree {
     const Index body = at(parent).body;
     Pose<Scalar> in_body = detail::compose(at(parent).pose, pose);
     frames_.push_back({std::move(name), body, in_body, true, detail::zeros<Jacobian>(6, dof_), 0});
-    const FrameId added(frame_count() - 1);
-    return FrameId(added.index(), at(added).name);
+    return FrameId(frame_count() - 1, frames_[frames_.size() - 1].name);
   }
   /// Moves a frame to the pose `pose` in the frame `parent`, on whose link it sits from now on: a
   /// tool that became another, or the frame of an object that was just grasped. Only frames that
@@ -435,7 +434,7 @@ class KinematicTree {
   [[gnu::cold]] void build(const Description& description) {
     frames_[0].name = find_root(description);
     const auto& all = description.joints;
-    detail::List<Index> moved(all.size(), -1);  // body of each joint; −1 until it is placed
+    List<Index> moved(all.size(), -1);  // body of each joint; −1 until it is placed
     Placed placed;
     while (placed.frames <= all.size()) {
       const std::size_t before = placed.frames;
@@ -495,8 +494,7 @@ class KinematicTree {
   }
 
   // Column, multiplier and offset of the mimics; one may follow another.
-  [[gnu::cold]] void follow(const std::vector<Joint<Scalar>>& all,
-                            const detail::List<Index>& moved) {
+  [[gnu::cold]] void follow(const std::vector<Joint<Scalar>>& all, const List<Index>& moved) {
     for (std::size_t i = 0; i < all.size(); ++i) {
       if (!all[i].mimic || all[i].type == JointType::fixed) continue;
       Scalar multiplier(1), offset(0);
@@ -539,10 +537,10 @@ class KinematicTree {
 
   Index dof_{0};
   typename Base<Scalar>::Motion base_motion_, base_twist_;  // components on the base; on ⟨0⟩
-  detail::List<Body> bodies_;                               // a body after its parent
-  detail::List<Frame> frames_;
+  List<Body> bodies_;                                       // a body after its parent
+  List<Frame> frames_;
   std::vector<JointInfo<Scalar>> joints_;
-  detail::List<Index> joint_body_;
+  List<Index> joint_body_;
   Positions q_;
   unsigned stamp_{0};
   Scalar mass_{0};

@@ -165,7 +165,7 @@ class Columns {
   auto end() const noexcept { return indices_.end(); }
 
  private:
-  detail::List<Index> indices_;
+  List<Index> indices_;
 };
 
 namespace detail {
@@ -264,10 +264,9 @@ template <JointedRobot R>
 /// @throws std::invalid_argument on a name that stands twice, or that there is not, with those that
 ///         there are.
 template <JointedRobot R>
-[[gnu::cold]] detail::List<Index> joint_indices(const R& robot,
-                                                const std::vector<std::string>& names,
-                                                std::string_view owner = "") {
-  detail::List<Index> indices;
+[[gnu::cold]] List<Index> joint_indices(const R& robot, const std::vector<std::string>& names,
+                                        std::string_view owner = "") {
+  List<Index> indices;
   for (const auto& name : names) {
     const Index i = joint_index(robot, name, owner);
     for (const Index other : indices) {
@@ -283,7 +282,7 @@ template <JointedRobot R>
 /// The columns of all joints. For configuration.
 template <JointedRobot R>
 [[gnu::cold]] Columns joint_columns(const R& robot) {
-  detail::List<Index> columns;
+  List<Index> columns;
   for (const auto& joint : robot.joints()) columns.push_back(joint.column);
   return Columns({columns.data(), columns.size()});
 }
@@ -293,7 +292,7 @@ template <JointedRobot R>
 template <JointedRobot R>
 [[gnu::cold]] Columns joint_columns(const R& robot, const std::vector<std::string>& names,
                                     std::string_view owner = "") {
-  detail::List<Index> columns;
+  List<Index> columns;
   for (const Index i : joint_indices(robot, names, owner)) {
     columns.push_back(robot.joints()[static_cast<std::size_t>(i)].column);
   }

@@ -30,9 +30,8 @@ template <class Scalar, int Dof>
   Joint<Scalar>* joint = description.joints.data() + description.joints.size();
   const auto mount = [&](const char* parent, const char* link, const Pose<Scalar>& pose) {
     --joint;
-    joint->name.append(link);  // it is empty; `=` costs a compiler more
-    joint->link.append(link);
-    joint->parent.append(parent);
+    joint->name = joint->link = link;
+    joint->parent = parent;
     joint->type = JointType::fixed;
     joint->origin = pose;
   };

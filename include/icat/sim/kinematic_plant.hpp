@@ -137,7 +137,7 @@ class KinematicPlant {
       detail::invalid("KinematicPlant: a current carries a free base only: surge, sway, heave, ",
                       "roll, pitch, yaw");
     }
-    detail::List<bool> moved(static_cast<std::size_t>(n));
+    List<bool> moved(static_cast<std::size_t>(n));
     for (const Index c : joints_) moved[static_cast<std::size_t>(c)] = true;
     for (Index j = 0; j < columns_.count; ++j) {
       moved[static_cast<std::size_t>(columns_.first + j)] = true;
@@ -153,7 +153,7 @@ class KinematicPlant {
   ColumnRange columns_;  // of the base
   typename Base<Scalar>::Motion base_motion_;
   Columns joints_;
-  detail::List<bool> actuated_;
+  List<bool> actuated_;
   Positions q_;
   Pose<Scalar> base_;
   Velocity relative_, velocity_;

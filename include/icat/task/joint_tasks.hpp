@@ -47,7 +47,7 @@ class PerJoint {
     for (std::size_t i = 0; i < count; ++i) values_[i] = values[i];
   }
 
-  detail::List<Scalar> values_;
+  List<Scalar> values_;
   bool for_all_;
 };
 
@@ -225,7 +225,7 @@ class JointLimits : public detail::JointTask<R> {
 
   PerJoint<Scalar> max_rate_;
   bool to_middle_;
-  detail::List<Objective<Scalar>> objectives_;
+  List<Objective<Scalar>> objectives_;
 };
 
 /// Joints to positions q*, such as an arm's preferred shape [Coop, II-D2], [MARIS, III-B7]:
@@ -357,7 +357,7 @@ class JointPosition : public detail::JointTask<R> {
   std::optional<Objective<Scalar>> norm_;
   PerJoint<Scalar> max_rate_;
   Positions goal_, velocity_, error_;
-  detail::List<detail::AngleWay<Scalar>> ways_;  // of the continuous joints
+  List<detail::AngleWay<Scalar>> ways_;  // of the continuous joints
 };
 
 }  // namespace task

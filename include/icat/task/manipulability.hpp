@@ -155,7 +155,7 @@ class Manipulability : public ScalarTask<R> {
       this->set_length_power(0, 1, 3);
       this->measure_reach(frame);
     }
-    detail::List<bool> joints(place_.size());
+    List<bool> joints(place_.size());
     for (const Index c : joint_columns(robot)) joints[static_cast<std::size_t>(c)] = true;
     joints_ = marked(joints);
     Index k = 0;
@@ -164,19 +164,18 @@ class Manipulability : public ScalarTask<R> {
 
  private:
   // Which columns, in ascending order.
-  static detail::List<Index> marked(const detail::List<bool>& marks) {
-    detail::List<Index> columns;
+  static List<Index> marked(const List<bool>& marks) {
+    List<Index> columns;
     for (std::size_t c = 0; c < marks.size(); ++c) {
       if (marks[c]) columns.push_back(static_cast<Index>(c));
     }
     return columns;
   }
   // Columns of those of `names` that move the frame.
-  static detail::List<Index> moving(const R& robot, FrameId frame,
-                                    const std::vector<std::string>& names,
-                                    const std::string& task) {
+  static List<Index> moving(const R& robot, FrameId frame, const std::vector<std::string>& names,
+                            const std::string& task) {
     detail::check_frame(robot, frame, task);
-    detail::List<bool> moved(static_cast<std::size_t>(robot.dof()));
+    List<bool> moved(static_cast<std::size_t>(robot.dof()));
     const auto& J = robot.jacobian(frame);
     const Columns wanted = names.empty() ? joint_columns(robot)
                                          : joint_columns(robot, names, detail::task_called(task));
@@ -190,7 +189,7 @@ class Manipulability : public ScalarTask<R> {
                         "' does not move the frame");
       }
     }
-    const detail::List<Index> columns = marked(moved);
+    const List<Index> columns = marked(moved);
     if (columns.size() == 0) {
       detail::invalid("task '", task, "': no joint moves the frame");
     }
@@ -233,9 +232,9 @@ class Manipulability : public ScalarTask<R> {
   }
 
   FrameId frame_;
-  detail::List<Index> joints_;  // columns of all joints, ascending
-  detail::List<Index> chosen_;  // those of the task
-  detail::List<Index> place_;   // of each column of ẏ among them; −1
+  List<Index> joints_;  // columns of all joints, ascending
+  List<Index> chosen_;  // those of the task
+  List<Index> place_;   // of each column of ẏ among them; −1
   detail::ManipulabilityMeasure<Scalar> measure_;
 };
 

@@ -81,7 +81,7 @@ class Objective {
   bool satisfied(Scalar x) const noexcept { return x >= lower_ && x <= upper_; }
 
  private:
-  friend class detail::List<Objective>;
+  friend class List<Objective>;
   Objective() = default;
   Objective(Scalar lower, Scalar upper, Scalar margin)
       : lower_(lower), upper_(upper), margin_(margin) {

@@ -74,7 +74,7 @@ class Task {
     reference_ = detail::zeros<Rows>(rows);
     activation_ = detail::zeros<Rows>(rows);
     detail::fill(activation_, Scalar(1));
-    length_powers_ = detail::List<Index>(static_cast<std::size_t>(rows));
+    length_powers_ = List<Index>(static_cast<std::size_t>(rows));
   }
   /// Of the `count` rows from `first` on; 0 unless said otherwise. For constructors.
   [[gnu::cold]] void set_length_power(Index first, Index count, Index power) {
@@ -125,7 +125,7 @@ class Task {
   const R& robot_;
   std::string name_;
   Index rows_;
-  detail::List<Index> length_powers_;
+  List<Index> length_powers_;
   Scalar characteristic_length_{0};
 };
 
