@@ -134,7 +134,7 @@ class PriorityIteration {
 
   /// z_ ← C z = Bᵀ f(BBᵀ) A y, y = B z
   bool solve_wide() noexcept {
-    const Index r = free(), m = level_.rank;
+    const Index m = level_.rank;
     if (q().orthogonal() || (!level_.regularized && system().independent(m, level_.bt, level_.f))) {
       if (level_.binary && !level_.regularized) {
         apply_wide(level_.e);
