@@ -32,7 +32,44 @@ template <class Scalar>
 void reflect(Index rows, Scalar tau, const Scalar* v, Index k, Panel<Scalar> x) noexcept {
   add_projection(rows, -tau, v, k, x, x);
 }
-/// The same by a v that is zero above row `i` of n.
+/// C columns of x ← (I − t₂ v₂ v₂ᵀ)(I − t₁ v₁ v₁ᵀ) x, `overlap` = v₁ᵀ v₂: half the passes over x.
+template <int C, class Scalar>
+inline void reflect_twice(Index rows, Scalar t1, const Scalar* v1, Scalar t2, const Scalar* v2,
+                          Scalar overlap, Panel<Scalar> x) noexcept {
+  using namespace Eigen::internal;
+  using Packet = typename Simd<Scalar>::Packet;
+  Packet one[C], two[C];
+  for (int c = 0; c < C; ++c) one[c] = two[c] = pset1<Packet>(Scalar(0));
+  for (Index i = 0; i < rows; i += Simd<Scalar>::size) {
+    const Packet a = ploadu<Packet>(v1 + i), b = ploadu<Packet>(v2 + i);
+    for (int c = 0; c < C; ++c) {
+      const Packet xi = ploadu<Packet>(x[c] + i);
+      one[c] = pmadd(a, xi, one[c]);
+      two[c] = pmadd(b, xi, two[c]);
+    }
+  }
+  for (int c = 0; c < C; ++c) {
+    const Scalar s1 = -t1 * predux(one[c]), s2 = -t2 * (predux(two[c]) + s1 * overlap);
+    one[c] = pset1<Packet>(s1);
+    two[c] = pset1<Packet>(s2);
+  }
+  for (Index i = 0; i < rows; i += Simd<Scalar>::size) {
+    const Packet a = ploadu<Packet>(v1 + i), b = ploadu<Packet>(v2 + i);
+    for (int c = 0; c < C; ++c) {
+      pstoreu(x[c] + i, pmadd(b, two[c], pmadd(a, one[c], ploadu<Packet>(x[c] + i))));
+    }
+  }
+}
+/// Of the `k` columns of x.
+template <class Scalar>
+[[gnu::noinline]] void reflect_twice(Index rows, Scalar t1, const Scalar* v1, Scalar t2,
+                                     const Scalar* v2, Scalar overlap, Index k,
+                                     Panel<Scalar> x) noexcept {
+  Index c = 0;
+  for (; c + 2 <= k; c += 2) reflect_twice<2>(rows, t1, v1, t2, v2, overlap, x.from(c));
+  if (c < k) reflect_twice<1>(rows, t1, v1, t2, v2, overlap, x.from(c));
+}
+/// `reflect` by a v that is zero above row `i` of n.
 template <class Scalar>
 void reflect_from(Index i, Index n, Scalar tau, const Scalar* v, Index k,
                   Panel<Scalar> x) noexcept {

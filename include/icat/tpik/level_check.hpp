@@ -45,6 +45,23 @@ template <class T>
 using Readable = std::conditional_t<(T::Flags & Eigen::DirectAccessBit) != 0 || is_constant<T>,
                                     const T&, const typename T::PlainObject>;
 
+/// Sum of x_j y_j over `size`, or N if that is known at compile time; x is `step` apart.
+template <int N, class Scalar>
+inline Scalar strided_dot(Index size, const Scalar* x, Index step, const Scalar* y) noexcept {
+  const Index n = N == Eigen::Dynamic ? size : N;
+  // Four chains of additions that need not wait for each other.
+  Scalar s0(0), s1(0), s2(0), s3(0);
+  Index j = 0;
+  for (; j + 4 <= n; j += 4, x += 4 * step) {
+    s0 += x[0] * y[j];
+    s1 += x[step] * y[j + 1];
+    s2 += x[2 * step] * y[j + 2];
+    s3 += x[3 * step] * y[j + 3];
+  }
+  for (; j < n; ++j, x += step) s0 += x[0] * y[j];
+  return (s0 + s1) + (s2 + s3);
+}
+
 /// A matrix or vector of a type that is its own `Readable`. It must outlive this; nothing is
 /// copied.
 template <class Scalar>
@@ -74,22 +91,11 @@ class Input {
   /// Row `i`, of which the first `n` elements meet `y`; `N` where n is known at compile time.
   template <int N>
   Scalar row_dot(Index i, Index size, const Scalar* y) const noexcept {
+    if (data_) return strided_dot<N>(size, data_ + i * row_step_, column_step_, y);
     const Index n = N == Eigen::Dynamic ? size : N;
-    // Four chains of additions that need not wait for each other.
-    Scalar s0(0), s1(0), s2(0), s3(0);
-    Index j = 0;
-    if (data_) {
-      const Scalar* x = data_ + i * row_step_;
-      const Index step = column_step_;
-      for (; j + 4 <= n; j += 4, x += 4 * step) {
-        s0 += x[0] * y[j];
-        s1 += x[step] * y[j + 1];
-        s2 += x[2 * step] * y[j + 2];
-        s3 += x[3 * step] * y[j + 3];
-      }
-    }
-    for (; j < n; ++j) s0 += (*this)(i, j) * y[j];
-    return (s0 + s1) + (s2 + s3);
+    Scalar sum(0);
+    for (Index j = 0; j < n; ++j) sum += (*this)(i, j) * y[j];
+    return sum;
   }
   /// Copies the first `n` elements of row `i`.
   template <int N>

@@ -51,12 +51,12 @@ class LevelRows {
   void row(const Input<Scalar>& jacobian, Index i, Scalar activation, const Scalar* wanted,
            const Scalar* current, Index step, Scalar row_scale) noexcept {
     if (stored_ == dof_) absorb();
-    jacobian.template copy_row<N>(i, dof_, bt[stored_]);
-    if (row_scale != Scalar(1)) scale(dof_, row_scale, bt[stored_], bt[stored_]);
+    Scalar* x = bt[stored_];
+    jacobian.template copy_row<N>(i, dof_, x);
     for (Index c = 0; c < sides_; ++c) {
-      e(stored_, c) =
-          row_scale * (wanted[c] - jacobian.template row_dot<N>(i, dof_, current + c * step));
+      e(stored_, c) = row_scale * (wanted[c] - strided_dot<N>(dof_, x, 1, current + c * step));
     }
+    if (row_scale != Scalar(1)) scale(dof_, row_scale, x, x);
     binary &= activation == Scalar(1);
     a[stored_++] = activation;
   }

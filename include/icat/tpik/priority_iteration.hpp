@@ -116,6 +116,8 @@ class PriorityIteration {
 
   /// Column `j` of Q, n.
   const Scalar* projector_column(Index j) const noexcept {
+    clear(side_, 1);
+    if (free() == 0) return side_.data;
     clear(z_, 1);
     z_(j, 0) = Scalar(1);
     projector().turn(1, z_);

@@ -24,12 +24,13 @@ class Projector {
   using Block = Panel<Scalar>;
 
   /// Columns of n rows that it needs, where at most `most` vectors are projected at a time.
-  static constexpr Index columns(Index n, Index most) { return 6 * n + std::max(n, most) + 1; }
+  static constexpr Index columns(Index n, Index most) { return 6 * n + std::max(n, most) + 2; }
   void bind(Index n, Index most, PanelMemory<Scalar>& memory) noexcept {
     dof_ = n;
     for (Block* b : {&reflections_, &u_, &v_, &k_free_, &k_taken_, &v_gram_}) *b = memory.take(n);
     work_ = memory.take(std::max(n, most));
     tau_ = memory.take(1).data;
+    overlap_ = memory.take(1).data;
   }
 
   /// Q = I.
@@ -42,7 +43,6 @@ class Projector {
   void reset_to_zero() noexcept {
     reset();
     free_ = 0;
-    std::fill_n(tau_, dof_, Scalar(0));
   }
   /// Q = `Q0`. Zeros and ones on a diagonal [Coop, Eq. (31)] are a choice of axes.
   void reset(const Input<Scalar>& Q0) noexcept {
@@ -76,16 +76,20 @@ class Projector {
 
   /// x (n × k) in the axes.
   void turn(Index k, Block x) const noexcept {
-    for (Index i = dof_; i-- > free_;) {
-      if (tau_[i] == Scalar(0)) continue;
-      reflect(i + 1, tau_[i], reflections_[i], k, x);
+    Index i = dof_;
+    for (; i - 2 >= free_; i -= 2) {
+      reflect_twice(i, tau_[i - 1], reflections_[i - 1], tau_[i - 2], reflections_[i - 2],
+                    overlap_[i - 2], k, x);
     }
+    if (i > free_) reflect(i, tau_[i - 1], reflections_[i - 1], k, x);
   }
   void turn_back(Index k, Block x) const noexcept {
-    for (Index i = free_; i < dof_; ++i) {
-      if (tau_[i] == Scalar(0)) continue;
-      reflect(i + 1, tau_[i], reflections_[i], k, x);
+    Index i = free_;
+    for (; i + 2 <= dof_; i += 2) {
+      reflect_twice(i + 2, tau_[i], reflections_[i], tau_[i + 1], reflections_[i + 1], overlap_[i],
+                    k, x);
     }
+    if (i < dof_) reflect(i + 1, tau_[i], reflections_[i], k, x);
   }
   /// x (b × k, in the axes) ← Lᵀ x (r × k).
   void restrict(Index k, Block x) const noexcept {
@@ -134,8 +138,9 @@ class Projector {
       const Index n = free_--;
       Scalar* x = reflections_[n - 1];
       std::copy_n(rows[i], n, x);
-      fill_up(n, x);
+      std::fill_n(x + n, reflections_.stride - n, Scalar(0));
       const Scalar tau = tau_[n - 1] = Reflection<Scalar>::make(n, x, n - 1).tau;
+      overlap_[n - 1] = n < dof_ ? dot(n, x, reflections_[n]) : Scalar(0);
       reflect(n, tau, x, k - i - 1, rows.from(i + 1));
       for (Index c = i + 1; c < k; ++c) rows(n - 1, c) = Scalar(0);
       reflect(n, tau, x, partial_, u_);
@@ -227,18 +232,21 @@ class Projector {
   /// Takes axis i by exchanging it with the last free one, a reflection too.
   void drop(Index i) noexcept {
     const Index last = --free_;
-    tau_[last] = Scalar(0);
+    Scalar* x = reflections_[last];
+    std::fill_n(x, reflections_.stride, Scalar(0));
+    tau_[last] = overlap_[last] = Scalar(0);
     if (i == last) return;
-    std::fill_n(reflections_[last], reflections_.stride, Scalar(0));
-    reflections_(i, last) = Scalar(1);
-    reflections_(last, last) = Scalar(-1);
+    x[i] = Scalar(1);
+    x[last] = Scalar(-1);
     tau_[last] = Scalar(1);
+    if (last + 1 < dof_) overlap_[last] = dot(last + 1, x, reflections_[last + 1]);
   }
 
   Index dof_{0}, free_{0}, reach_{0}, partial_{0};
   bool dense_{false}, weighed_{false};
   Block reflections_{}, u_{}, v_{}, k_free_{}, k_taken_{}, v_gram_{}, work_{};
-  Scalar* tau_{};  // with column i of the reflections: the one that took axis i
+  // With column i of the reflections, v_i: the one that took axis i; and v_iᵀ v_{i+1}.
+  Scalar *tau_{}, *overlap_{};
 };
 
 }  // namespace icat::detail
