@@ -57,7 +57,15 @@ TEST(LengthPower, OfTheCatalogue) {
   EXPECT_EQ(powers(task::SelfClearance<Tree>(robot, bodies, {{0, 1}}, away)), "1");
   Tree massive(
       {.joints = icat::axes_chain(spatial_arm<double>(0.3)), .masses = {{"link4", 1, {0, 0, 0}}}});
-  EXPECT_EQ(powers(task::CenterOfMass<Tree>(massive, {0, 0, 0})), "111");
+  task::CenterOfMass<Tree> centre(massive, {0, 0, 0});
+  EXPECT_EQ(powers(centre), "111");
+  EXPECT_EQ(centre.length_share(), 0.5);
+  EXPECT_EQ(task::FramePosition<Tree>(robot, hand, goal.translation()).length_share(), 1.0);
+  icat::Controller<Tree> controller(massive, {{"balance", {{centre}}}},
+                                    {.characteristic_length = 0.6});
+  ASSERT_EQ(controller.start("balance", 0), Status::ok);
+  ASSERT_EQ(controller.step(0.01), Status::ok);
+  for (const double scale : controller.levels()[0].scales()) EXPECT_DOUBLE_EQ(scale, 1 / 0.3);
   const auto nothing = [](const Tree&, auto, auto) {};
   EXPECT_EQ(powers(task::FunctionTask<Tree>(robot, away, nothing)), "0");
   EXPECT_EQ(powers(task::FunctionTask<Tree>(robot, away, nothing, {.rows = 2, .length_power = 1})),

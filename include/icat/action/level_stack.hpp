@@ -26,7 +26,8 @@ struct Level {
   JacobianMatrix<Scalar, N> jacobian;         ///< rows × n
   Vector<Scalar, Eigen::Dynamic> activation;  ///< rows, in [0, 1]
   Vector<Scalar, Eigen::Dynamic> reference;   ///< rows
-  /// What the solver multiplies each row of J and ẋ̄ with: L to the power −`length_power`.
+  /// What the solver multiplies each row of J and ẋ̄ with: L, or the task's share of it, to the
+  /// power −`length_power`.
   Vector<Scalar, Eigen::Dynamic> row_scale;
 
   /// `row_scale` as `Tpik::add_level` takes it.
@@ -78,7 +79,7 @@ class LevelStack {
       Index row = 0;
       for (const auto& entry : hierarchy_[k]) {
         for (Index i = 0; i < entry.task->rows(); ++i) {
-          const Scalar scale = to_minus(entry.task->length_power(i));
+          const Scalar scale = row_scale(*entry.task, i);
           if (!(scale > Scalar(0) && scale < infinity<Scalar>)) {
             detail::invalid("task '", entry.task->name(), "': a characteristic_length of ", length_,
                             " to the power ", entry.task->length_power(i), " is no number");
@@ -218,11 +219,13 @@ class LevelStack {
     return task.jacobian().rows() == task.rows() && task.jacobian().cols() == robot_.dof() &&
            task.reference().size() == task.rows() && task.activation().size() == task.rows();
   }
-  /// L to the power −`power`.
-  Scalar to_minus(Index power) const noexcept {
+  /// L, or the task's share of it, to the power −`length_power`.
+  Scalar row_scale(const Task<R>& task, Index row) const noexcept {
+    const Scalar length = task.length_share() * length_;
     Scalar product(1);
-    for (; power > 0; --power) product /= length_;
-    for (; power < 0; ++power) product *= length_;
+    Index power = task.length_power(row);
+    for (; power > 0; --power) product /= length;
+    for (; power < 0; ++power) product *= length;
     return product;
   }
   std::size_t count_entries() const {

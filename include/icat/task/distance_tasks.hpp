@@ -131,6 +131,7 @@ class CenterOfMass : public ReactiveTask<R> {
         goal_(goal),
         velocity_(detail::zeros<Vector3<Scalar>>(3)) {
     this->set_length_power(0, this->rows(), 1);
+    this->set_length_share(Scalar(0.5));  // a uniform arm's is at half its reach
     this->require_rate("max_rate", options.max_rate);
     this->require_finite("goal", goal);
     if (!(robot.mass() > Scalar(0))) {

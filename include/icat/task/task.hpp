@@ -61,6 +61,9 @@ class Task {
   Index length_power(Index row) const noexcept {
     return length_powers_[static_cast<std::size_t>(row)];
   }
+  /// What the rows are divided by is this share of the characteristic length: 1, but for the centre
+  /// of mass, which moves less than a tool does.
+  Scalar length_share() const noexcept { return length_share_; }
   /// The largest of the frames that its rows in metres are of, m; 0: none.
   Scalar characteristic_length() const noexcept { return characteristic_length_; }
 
@@ -80,6 +83,8 @@ class Task {
   [[gnu::cold]] void set_length_power(Index first, Index count, Index power) {
     for (Index i = 0; i < count; ++i) length_powers_[static_cast<std::size_t>(first + i)] = power;
   }
+  /// For constructors; > 0.
+  [[gnu::cold]] void set_length_share(Scalar share) { length_share_ = share; }
   /// `frame` is one that rows in metres are of. For constructors.
   [[gnu::cold]] void measure_reach(FrameId frame) requires FramedRobot<R> {
     characteristic_length_ =
@@ -127,6 +132,7 @@ class Task {
   Index rows_;
   List<Index> length_powers_;
   Scalar characteristic_length_{0};
+  Scalar length_share_{1};
 };
 
 /// A task with a gain γ.
