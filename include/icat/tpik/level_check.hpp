@@ -97,6 +97,21 @@ class Input {
     for (Index j = 0; j < n; ++j) sum += (*this)(i, j) * y[j];
     return sum;
   }
+  /// The same for the four rows from `i` on.
+  template <int N>
+  void rows_dot(Index i, Index size, const Scalar* y, Scalar* out) const noexcept {
+    if (!data_ || row_step_ != 1) {
+      for (Index k = 0; k < 4; ++k) out[k] = row_dot<N>(i + k, size, y);
+      return;
+    }
+    const Index n = N == Eigen::Dynamic ? size : N;
+    Scalar sum[4]{};
+    const Scalar* x = data_ + i;
+    for (Index j = 0; j < n; ++j, x += column_step_) {
+      for (int k = 0; k < 4; ++k) sum[k] += x[k] * y[j];
+    }
+    std::copy_n(sum, 4, out);
+  }
   /// Copies the first `n` elements of row `i`.
   template <int N>
   void copy_row(Index i, Index size, Scalar* out) const noexcept {
@@ -106,7 +121,15 @@ class Input {
       return;
     }
     const Scalar* x = data_ + i * row_step_;
-    for (Index j = 0; j < n; ++j, x += column_step_) out[j] = *x;
+    const Index step = column_step_;
+    Index j = 0;
+    for (; j + 4 <= n; j += 4, x += 4 * step) {
+      out[j] = x[0];
+      out[j + 1] = x[step];
+      out[j + 2] = x[2 * step];
+      out[j + 3] = x[3 * step];
+    }
+    for (; j < n; ++j, x += step) out[j] = *x;
   }
 
   /// No NaN, no infinity.
@@ -199,15 +222,25 @@ LevelReport<Scalar> check_level(const LevelInput<Scalar>& input, Index columns) 
 template <int N, class Scalar>
 void report_rates(const LevelInput<Scalar>& input, Index columns, const Scalar* rho,
                   LevelReport<Scalar>& level) noexcept {
-  Scalar requested(0), achieved(0), error(0);
-  for (Index i = 0; i < level.rows; ++i) {
-    const Scalar a = input.activation(i);
-    if (a == Scalar(0)) continue;
-    const Scalar y = a * input.jacobian.template row_dot<N>(i, columns, rho);
-    const Scalar x = a * input.reference(i);
-    requested += x * x;
-    achieved += y * y;
-    error += (x - y) * (x - y);
+  Scalar requested(0), achieved(0), error(0), rates[4];
+  for (Index i = 0, end; i < level.rows; i = end) {
+    end = i;
+    while (end < level.rows && end < i + 4 && input.activation(end) > Scalar(0)) ++end;
+    if (end == i + 4) {
+      input.jacobian.template rows_dot<N>(i, columns, rho, rates);
+    } else {
+      for (Index k = i; k < end; ++k) {
+        rates[k - i] = input.jacobian.template row_dot<N>(k, columns, rho);
+      }
+    }
+    for (Index k = i; k < end; ++k) {
+      const Scalar y = input.activation(k) * rates[k - i];
+      const Scalar x = input.activation(k) * input.reference(k);
+      requested += x * x;
+      achieved += y * y;
+      error += (x - y) * (x - y);
+    }
+    if (end == i) ++end;  // not active
   }
   level.requested_rate = std::sqrt(requested);
   level.achieved_rate = std::sqrt(achieved);
