@@ -75,14 +75,7 @@ class Projector {
   Block v() const noexcept { return v_; }  ///< r × p, unless dense
 
   /// x (n × k) in the axes.
-  void turn(Index k, Block x) const noexcept {
-    Index i = dof_;
-    for (; i - 2 >= free_; i -= 2) {
-      reflect_twice(i, tau_[i - 1], reflections_[i - 1], tau_[i - 2], reflections_[i - 2],
-                    overlap_[i - 2], k, x);
-    }
-    if (i > free_) reflect(i, tau_[i - 1], reflections_[i - 1], k, x);
-  }
+  void turn(Index k, Block x) const noexcept { turn_by(dof_, k, x); }
   void turn_back(Index k, Block x) const noexcept {
     Index i = free_;
     for (; i + 2 <= dof_; i += 2) {
@@ -134,6 +127,7 @@ class Projector {
   void take(Index k, Block rows) noexcept {
     if (k == free_) return reset_to_zero();
     if (dense_) weighed_ = false;
+    const Index before = free_;
     for (Index i = 0; i < k; ++i) {
       const Index n = free_--;
       Scalar* x = reflections_[n - 1];
@@ -143,18 +137,20 @@ class Projector {
       overlap_[n - 1] = n < dof_ ? dot(n, x, reflections_[n]) : Scalar(0);
       reflect(n, tau, x, k - i - 1, rows.from(i + 1));
       for (Index c = i + 1; c < k; ++c) rows(n - 1, c) = Scalar(0);
-      reflect(n, tau, x, partial_, u_);
       if (dense_) {  // U ← U (I − tau x xᵀ) without its last column
         product(Into::set, reach_, 1, n, u_, {x, 1, 0}, work_);
         add_outer(reach_, n - 1, -tau, work_[0], x, 1, u_);
         --partial_;
-      } else {
-        reflect(n, tau, x, partial_, v_);
-        if (weighed_) move_weight(n - 1);
-        for (Index c = 0; c < partial_; ++c) v_(n - 1, c) = Scalar(0);
       }
     }
-    if (!dense_ && partial_ >= free_) become_dense();
+    turn_by(before, partial_, u_);
+    if (dense_ || partial_ == 0) return;
+    turn_by(before, partial_, v_);
+    if (weighed_) move_weights(before);
+    for (Index c = 0; c < partial_; ++c) {
+      for (Index i = free_; i < before; ++i) v_(i, c) = Scalar(0);
+    }
+    if (partial_ >= free_) become_dense();
   }
 
   /// K₀ = U_NᵀU_N and K_t = U_tᵀU_t, p × p, of the rows of U on free axes and on those taken; and
@@ -217,16 +213,23 @@ class Projector {
     if (partial_ == 0) reach_ = free_;
   }
 
-  /// Axis i is taken: its rows go from K₀ to K_t, and out of VᵀV. Two columns of work_ are there:
-  /// p < r, so r and n are at least 2.
-  void move_weight(Index i) noexcept {
-    Scalar *u = work_[0], *v = work_[1];
-    for (Index c = 0; c < partial_; ++c) u[c] = u_(i, c), v[c] = v_(i, c);
-    fill_up(partial_, u);
-    fill_up(partial_, v);
-    add_outer(partial_, partial_, Scalar(-1), u, u, 1, k_free_);
-    add_outer(partial_, partial_, Scalar(1), u, u, 1, k_taken_);
-    add_outer(partial_, partial_, Scalar(-1), v, v, 1, v_gram_);
+  /// x (k columns) by the reflections that took the axes from free_ to `end`, two at a time.
+  void turn_by(Index end, Index k, Block x) const noexcept {
+    for (; end - 2 >= free_; end -= 2) {
+      reflect_twice(end, tau_[end - 1], reflections_[end - 1], tau_[end - 2],
+                    reflections_[end - 2], overlap_[end - 2], k, x);
+    }
+    if (end > free_) reflect(end, tau_[end - 1], reflections_[end - 1], k, x);
+  }
+
+  /// The rows from free_ to `end` are taken: they go from K₀ to K_t, and out of VᵀV.
+  void move_weights(Index end) noexcept {
+    const Index p = partial_, k = end - free_;
+    transpose(k, p, {u_.data + free_, u_.stride}, work_);
+    product(Into::subtract, p, p, k, work_, transposed(work_), k_free_);
+    product(Into::add, p, p, k, work_, transposed(work_), k_taken_);
+    transpose(k, p, {v_.data + free_, v_.stride}, work_);
+    product(Into::subtract, p, p, k, work_, transposed(work_), v_gram_);
   }
 
   /// Takes axis i by exchanging it with the last free one, a reflection too.
