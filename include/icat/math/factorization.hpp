@@ -22,7 +22,7 @@ struct Reflection {
     const Scalar alpha = x[k];
     const Scalar beta = alpha > Scalar(0) ? -std::sqrt(square) : std::sqrt(square);
     scale(rows, Scalar(1) / (alpha - beta), x, x);
-    x[k] = Scalar(1);
+    set_element(x, k, Scalar(1));
     return {(beta - alpha) / beta, beta};
   }
 };
@@ -200,33 +200,19 @@ template <class Scalar>
 
 /// Gauss and Jordan's inverse of a positive definite matrix, in its place. False, with the matrix
 /// spoilt, at a pivot below `least`: pivots are Schur complements, so none is smaller than the
-/// smallest eigenvalue. Row p is replaced within its packet: a packet that is read right after one
-/// of its elements was written would stall the processor.
+/// smallest eigenvalue.
 template <class Scalar>
 [[gnu::noinline]] bool invert(Index n, Panel<Scalar> s, Scalar least) noexcept {
-  using namespace Eigen::internal;
-  using Packet = typename Simd<Scalar>::Packet;
-  constexpr Index size = Simd<Scalar>::size;
-  Scalar all_but_one[2 * size];
-  std::fill_n(all_but_one, 2 * size, Scalar(1));
-  all_but_one[size - 1] = Scalar(0);
   for (Index p = 0; p < n; ++p) {
     const Scalar pivot = s(p, p);
     if (!(pivot >= least) || !(pivot > Scalar(0))) return false;
-    const Index top = packet_begin<Scalar>(p);
-    const Packet others = ploadu<Packet>(all_but_one + size - 1 - (p - top));
-    const Packet own = psub(pset1<Packet>(Scalar(1)), others);
-    Scalar* x = s[p];
-    pstoreu(x + top, pmadd(ploadu<Packet>(x + top), others, own));
-    scale(n, Scalar(1) / pivot, x, x);
+    set_element(s[p], p, Scalar(1));
+    scale(n, Scalar(1) / pivot, s[p], s[p]);
     for (Index j = 0; j < n; ++j) {
       if (j == p) continue;
-      const Packet factor = pset1<Packet>(-s(p, j));
-      Scalar* y = s[j];
-      pstoreu(y + top, pmul(ploadu<Packet>(y + top), others));
-      for (Index i = 0; i < n; i += size) {
-        pstoreu(y + i, pmadd(ploadu<Packet>(x + i), factor, ploadu<Packet>(y + i)));
-      }
+      const Scalar factor = -s(p, j);
+      set_element(s[j], p, Scalar(0));
+      axpy(n, factor, s[p], s[j]);
     }
   }
   return true;
@@ -253,7 +239,7 @@ template <class Scalar>
   if (!(pivot > Scalar(0))) return false;
   const Scalar inverse = Scalar(1) / std::sqrt(pivot);
   scale(n - top, inverse, x + top, x + top);
-  x[j] = inverse;
+  set_element(x, j, inverse);
   return true;
 }
 

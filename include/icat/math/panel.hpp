@@ -45,6 +45,49 @@ inline void fill_up(Index n, Scalar* x) noexcept {
   for (Index i = n; i < padded<Scalar>(n); ++i) x[i] = Scalar(0);
 }
 
+/// Ones, a zero in place `size`, ones; and ones before `size`, zeros from there on.
+template <class Scalar>
+struct Masks {
+  Scalar all_but_one[2 * Simd<Scalar>::size]{}, head[2 * Simd<Scalar>::size]{};
+  constexpr Masks() noexcept {
+    for (Index i = 0; i < 2 * Simd<Scalar>::size; ++i) {
+      all_but_one[i] = i == Simd<Scalar>::size ? Scalar(0) : Scalar(1);
+      head[i] = i < Simd<Scalar>::size ? Scalar(1) : Scalar(0);
+    }
+  }
+};
+template <class Scalar>
+inline constexpr Masks<Scalar> masks{};
+
+/// x_k = `value`, within its packet; x is finite. A packet that is read right after one of its
+/// elements was written by itself stalls the processor until that has reached the cache.
+template <class Scalar>
+inline void set_element(Scalar* x, Index k, Scalar value) noexcept {
+  using namespace Eigen::internal;
+  using Packet = typename Simd<Scalar>::Packet;
+  const Index top = packet_begin<Scalar>(k);
+  const Packet others =
+      ploadu<Packet>(masks<Scalar>.all_but_one + Simd<Scalar>::size - (k - top));
+  const Packet own = psub(pset1<Packet>(Scalar(1)), others);
+  pstoreu(x + top, pmadd(own, pset1<Packet>(value), pmul(ploadu<Packet>(x + top), others)));
+}
+/// out = the first n elements of x, which is finite in that packet, and zeros up to `end`, the end
+/// of a packet.
+template <class Scalar>
+inline void copy_head(Index n, Index end, const Scalar* x, Scalar* out) noexcept {
+  using namespace Eigen::internal;
+  using Packet = typename Simd<Scalar>::Packet;
+  constexpr Index size = Simd<Scalar>::size;
+  Index i = 0;
+  for (; i + size <= n; i += size) pstoreu(out + i, ploadu<Packet>(x + i));
+  if (i < n) {
+    const Packet head = ploadu<Packet>(masks<Scalar>.head + size - (n - i));
+    pstoreu(out + i, pmul(ploadu<Packet>(x + i), head));
+    i += size;
+  }
+  for (; i < end; i += size) pstoreu(out + i, pset1<Packet>(Scalar(0)));
+}
+
 /// A panel: columns that are `stride` apart, each filled up with zeros to whole packets.
 template <class Scalar>
 struct Panel {

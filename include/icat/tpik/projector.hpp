@@ -131,12 +131,10 @@ class Projector {
     for (Index i = 0; i < k; ++i) {
       const Index n = free_--;
       Scalar* x = reflections_[n - 1];
-      std::copy_n(rows[i], n, x);
-      std::fill_n(x + n, reflections_.stride - n, Scalar(0));
+      copy_head(n, reflections_.stride, rows[i], x);
       const Scalar tau = tau_[n - 1] = Reflection<Scalar>::make(n, x, n - 1).tau;
       overlap_[n - 1] = n < dof_ ? dot(n, x, reflections_[n]) : Scalar(0);
       reflect(n, tau, x, k - i - 1, rows.from(i + 1));
-      for (Index c = i + 1; c < k; ++c) rows(n - 1, c) = Scalar(0);
       if (dense_) {  // U ← U (I − tau x xᵀ) without its last column
         product(Into::set, reach_, 1, n, u_, {x, 1, 0}, work_);
         add_outer(reach_, n - 1, -tau, work_[0], x, 1, u_);
