@@ -86,9 +86,7 @@ template <class Scalar>
   for (Index k = 0; k < steps; ++k) {
     const Index top = packet_begin<Scalar>(k), n = rows - top;
     Scalar* x = v[k] + top;
-    std::fill_n(x, k - top, Scalar(0));
-    std::copy_n(a[k] + k, rows - k, v[k] + k);
-    fill_up(rows, v[k]);
+    copy_between(k, rows, a[k], v[k]);
     const auto r = Reflection<Scalar>::make(n, x, k - top);
     tau[k] = r.tau;
     std::fill_n(a[k] + k, rows - k, Scalar(0));

@@ -45,47 +45,50 @@ inline void fill_up(Index n, Scalar* x) noexcept {
   for (Index i = n; i < padded<Scalar>(n); ++i) x[i] = Scalar(0);
 }
 
-/// Ones, a zero in place `size`, ones; and ones before `size`, zeros from there on.
+/// Zeros, ones and zeros, a packet of each: what elements of a packet are multiplied with to keep
+/// the first or the last k of them.
 template <class Scalar>
 struct Masks {
-  Scalar all_but_one[2 * Simd<Scalar>::size]{}, head[2 * Simd<Scalar>::size]{};
+  static constexpr Index size = Simd<Scalar>::size;
+  Scalar data[3 * size]{};
   constexpr Masks() noexcept {
-    for (Index i = 0; i < 2 * Simd<Scalar>::size; ++i) {
-      all_but_one[i] = i == Simd<Scalar>::size ? Scalar(0) : Scalar(1);
-      head[i] = i < Simd<Scalar>::size ? Scalar(1) : Scalar(0);
-    }
+    for (Index i = 0; i < size; ++i) data[size + i] = Scalar(1);
+  }
+  auto first(Index k) const noexcept { return load(2 * size - k); }
+  auto from(Index k) const noexcept { return load(size - k); }
+  auto load(Index at) const noexcept {
+    return Eigen::internal::ploadu<typename Simd<Scalar>::Packet>(data + at);
   }
 };
 template <class Scalar>
 inline constexpr Masks<Scalar> masks{};
 
-/// x_k = `value`, within its packet; x is finite. A packet that is read right after one of its
-/// elements was written by itself stalls the processor until that has reached the cache.
+// A packet that is read right after one of its elements was written by itself stalls the processor
+// until that has reached the cache. So the next two work within packets, whose elements are finite.
+
+/// x_k = `value`.
 template <class Scalar>
 inline void set_element(Scalar* x, Index k, Scalar value) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
-  const Index top = packet_begin<Scalar>(k);
-  const Packet others =
-      ploadu<Packet>(masks<Scalar>.all_but_one + Simd<Scalar>::size - (k - top));
+  const Index top = packet_begin<Scalar>(k), at = k - top;
+  const Packet others = padd(masks<Scalar>.first(at), masks<Scalar>.from(at + 1));
   const Packet own = psub(pset1<Packet>(Scalar(1)), others);
   pstoreu(x + top, pmadd(own, pset1<Packet>(value), pmul(ploadu<Packet>(x + top), others)));
 }
-/// out = the first n elements of x, which is finite in that packet, and zeros up to `end`, the end
-/// of a packet.
+/// out = x from `first` to before `last`, and zeros in the rest of those packets.
 template <class Scalar>
-inline void copy_head(Index n, Index end, const Scalar* x, Scalar* out) noexcept {
+inline void copy_between(Index first, Index last, const Scalar* x, Scalar* out) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   constexpr Index size = Simd<Scalar>::size;
-  Index i = 0;
-  for (; i + size <= n; i += size) pstoreu(out + i, ploadu<Packet>(x + i));
-  if (i < n) {
-    const Packet head = ploadu<Packet>(masks<Scalar>.head + size - (n - i));
-    pstoreu(out + i, pmul(ploadu<Packet>(x + i), head));
-    i += size;
+  const Index top = packet_begin<Scalar>(first);
+  for (Index i = top; i < last; i += size) {
+    Packet p = ploadu<Packet>(x + i);
+    if (i < first) p = pmul(p, masks<Scalar>.from(first - i));
+    if (i + size > last) p = pmul(p, masks<Scalar>.first(last - i));
+    pstoreu(out + i, p);
   }
-  for (; i < end; i += size) pstoreu(out + i, pset1<Packet>(Scalar(0)));
 }
 
 /// A panel: columns that are `stride` apart, each filled up with zeros to whole packets.

@@ -121,8 +121,7 @@ class SpectralInverse {
       return all_finite(n, z);
     }
     Scalar* v = householder_[0];
-    std::copy_n(b, n, v);
-    fill_up(n, v);
+    copy_between(Index(0), n, b, v);
     const auto first = Reflection<Scalar>::make(n, v, 0);
     below_ = 0;
     if (first.length == Scalar(0)) return true;
@@ -222,9 +221,7 @@ class SpectralInverse {
       }
       const Index k = j + 1, top = packet_begin<Scalar>(k);
       Scalar* v = householder_[reflections_];
-      std::fill_n(v + top, k - top, Scalar(0));
-      std::copy_n(s[j] + k, n - k, v + k);
-      fill_up(n, v);
+      copy_between(k, n, s[j], v);
       const auto r = Reflection<Scalar>::make(n - top, v + top, k - top);
       sub_[j] = r.length;
       if (first == 1 && std::abs(r.length) <= coupling &&

@@ -131,7 +131,8 @@ class Projector {
     for (Index i = 0; i < k; ++i) {
       const Index n = free_--;
       Scalar* x = reflections_[n - 1];
-      copy_head(n, reflections_.stride, rows[i], x);
+      copy_between(Index(0), n, rows[i], x);
+      std::fill_n(x + padded<Scalar>(n), reflections_.stride - padded<Scalar>(n), Scalar(0));
       const Scalar tau = tau_[n - 1] = Reflection<Scalar>::make(n, x, n - 1).tau;
       overlap_[n - 1] = n < dof_ ? dot(n, x, reflections_[n]) : Scalar(0);
       reflect(n, tau, x, k - i - 1, rows.from(i + 1));
