@@ -14,7 +14,9 @@ Mat<Real> pseudo_inverse(const Mat<Real>& X, const Vec<Real>& a, const Mat<Real>
   const Mat<Real> I = Mat<Real>::Identity(n, n);
   const Mat<Real> A = a.asDiagonal();
   const Mat<Real> M = X.transpose() * A * X + p.eta * (I - Q).transpose() * (I - Q);
-  Eigen::JacobiSVD<Mat<Real>> svd(M, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  // M is square: no QR before the rotations, which would take half of the time to compile.
+  Eigen::JacobiSVD<Mat<Real>, Eigen::NoQRPreconditioner> svd(
+      M, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Vec<Real> inverse(n);
   for (Eigen::Index i = 0; i < n; ++i) {
     const Real s = svd.singularValues()(i);
