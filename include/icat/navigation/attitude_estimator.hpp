@@ -6,7 +6,7 @@
 ///
 ///     R_true = R exp(δθ),  b_true = b + δb
 ///     R ← R exp((ω̃ − b) dt),   δθ ← exp((ω̃ − b) dt)ᵀ δθ − δb dt + w₁,   δb ← δb + w₂
-///     R_z = exp(n) R_true:  R_z Rᵀ = swing · turn about z,  H = R
+///     R_z = exp(n) R_true:  R_z Rᵀ = turn about z · swing,  H = R
 ///
 /// ω̃ are the gyros, R_z is what the AHRS measures. The error of the measurement about z is a
 /// heading, from a magnetometer; about x and y it is a tilt, from gravity. Each has its own noise
@@ -92,7 +92,8 @@ class AttitudeEstimator {
     if (!detail::all_finite(attitude)) return Status::non_finite;
     if (!rotation(attitude)) return Status::not_a_rotation;
 
-    // Swing after a turn about z of ⟨0⟩, of the quaternion w + v; w >= 0.
+    // A turn about z of ⟨0⟩ after a swing, of the quaternion w + v; w >= 0. So the swing is what
+    // gravity says, whatever the heading.
     const Matrix3<Scalar> then = orthonormal(history_.at(time_ - age, time_, attitude_));
     const auto error =
         detail::UnitQuaternion<Scalar>::of(detail::times(attitude, detail::transpose(then)));
@@ -100,7 +101,7 @@ class AttitudeEstimator {
     const Scalar c = std::cos(half), s = std::sin(half);
     detail::UnitQuaternion<Scalar> swing;
     swing.w = c * error.w + s * error.v(2);
-    swing.v = {c * error.v(0) - s * error.v(1), c * error.v(1) + s * error.v(0), Scalar(0)};
+    swing.v = {c * error.v(0) + s * error.v(1), c * error.v(1) - s * error.v(0), Scalar(0)};
     const Vector3<Scalar> tilt = swing.rotation_vector();
 
     detail::Observation<Scalar, 6, 1> heading_z;

@@ -28,8 +28,8 @@ class VelocityEstimator {
  public:
   /// Noise, standard deviations; and the instrument.
   struct Options {
-    Scalar acceleration_noise = static_cast<Scalar>(0.01);  ///< w₁, m/s²/√Hz, > 0
-    Scalar current_noise = static_cast<Scalar>(1e-3);       ///< w₂, m/s/√s
+    Scalar acceleration_noise = static_cast<Scalar>(0.005);  ///< w₁, m/s²/√Hz, > 0
+    Scalar current_noise = static_cast<Scalar>(3e-4);       ///< w₂, m/s/√s
     Scalar beam_noise = static_cast<Scalar>(0.01);          ///< of each beam, m/s, > 0
     Scalar initial_velocity = static_cast<Scalar>(0.1);     ///< of v at first, m/s
     Scalar initial_current = static_cast<Scalar>(0.3);      ///< of c at first, m/s
@@ -84,13 +84,12 @@ class VelocityEstimator {
     const Vector3<Scalar> turning = detail::cross(angular, momentum);
     const Matrix3<Scalar> W = skew(angular);
     for (Index i = 0; i < 3; ++i) {
-      const Scalar m = model_.inertia(i), d = model_.linear_drag(i), D = model_.quadratic_drag(i);
-      const Scalar speed = std::abs(water(i));
-      const Scalar slope = (d + Scalar(2) * D * speed) / m;
-      const Scalar keep = Scalar(1) / (Scalar(1) + h * slope);
+      const Scalar m = model_.inertia(i);
+      const detail::SpreadDrag<Scalar> drag(model_.linear_drag(i), model_.quadratic_drag(i),
+                                            water(i), water_variance(i));
+      const Scalar keep = Scalar(1) / (Scalar(1) + h * drag.slope / m);
       const Scalar weight = attitude_(2, i) * model_.weight_in_water;
-      next(i) =
-          water(i) + keep * h * (force(i) + weight - (d + D * speed) * water(i) - turning(i)) / m;
+      next(i) = water(i) + keep * h * (force(i) + weight - drag.force - turning(i)) / m;
       for (Index j = 0; j < 3; ++j) {
         B(i, j) = i == j ? keep : -keep * h * W(i, j) * model_.inertia(j) / m;
       }
@@ -169,6 +168,12 @@ class VelocityEstimator {
   Vector3<Scalar> current_on_vehicle() const noexcept {
     return detail::transposed_times(attitude_,
                                     Vector3<Scalar>(current_(0), current_(1), Scalar(0)));
+  }
+  // Of component i of v_r.
+  Scalar water_variance(Index i) const noexcept {
+    const Scalar n = attitude_(0, i), e = attitude_(1, i);
+    return P_(i, i) - Scalar(2) * (n * P_(i, 3) + e * P_(i, 4)) + n * n * P_(3, 3) +
+           Scalar(2) * n * e * P_(3, 4) + e * e * P_(4, 4);
   }
   Vector3<Scalar> at_instrument() const noexcept {
     return detail::plus(velocity_, detail::cross(angular_, options_.dvl.position));

@@ -22,7 +22,7 @@ class YawRateEstimator {
  public:
   /// Noise, standard deviations.
   struct Options {
-    Scalar acceleration_noise = static_cast<Scalar>(0.02);  ///< of w₁/I, rad/s²/√Hz
+    Scalar acceleration_noise = static_cast<Scalar>(0.05);  ///< of w₁/I, rad/s²/√Hz
     Scalar bias_noise = static_cast<Scalar>(1e-5);          ///< of w₂, rad/s/√s
     Scalar gyro_noise = static_cast<Scalar>(0.005);         ///< n of each measurement, rad/s, > 0
     Scalar initial_rate = static_cast<Scalar>(0.1);         ///< of r at first, rad/s
@@ -54,9 +54,10 @@ class YawRateEstimator {
     if (status == Status::ok) status = detail::check_step(dt);
     if (status != Status::ok) return status;
     const Scalar h = static_cast<Scalar>(dt), inertia = model_.inertia(5);
-    const Scalar d = model_.linear_drag(5), D = model_.quadratic_drag(5), speed = std::abs(rate_);
-    const Scalar keep = Scalar(1) / (Scalar(1) + h * (d + Scalar(2) * D * speed) / inertia);
-    rate_ += keep * h * (torque - (d + D * speed) * rate_) / inertia;
+    const detail::SpreadDrag<Scalar> drag(model_.linear_drag(5), model_.quadratic_drag(5), rate_,
+                                          P_(0, 0));
+    const Scalar keep = Scalar(1) / (Scalar(1) + h * drag.slope / inertia);
+    rate_ += keep * h * (torque - drag.force) / inertia;
     detail::Square<Scalar, 2> F = IdentityMatrix{};
     F(0, 0) = keep;
     Vector<Scalar, 2> q;
