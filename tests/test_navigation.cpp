@@ -393,7 +393,9 @@ TEST(AttitudeEstimator, LateMeasurements) {
 // Dead reckoning: the deviation grows like the time at first. A GPS outlier is refused, a landmark
 // brings the position home.
 TEST(PositionEstimator, DriftsAndComesHome) {
-  icat::PositionEstimator<double> estimator(Vector3::Zero(), {.initial_position = 0.1});
+  icat::PositionEstimator<double> estimator(
+      Vector3::Zero(),
+      {.velocity_bias = 0, .heading_bias = 0, .velocity_memory = 5, .initial_position = 0.1});
   const Matrix3 Pv = 1e-4 * Matrix3::Identity();
   double last = 0;
   for (int k = 0; k < 1000; ++k) {
@@ -522,6 +524,7 @@ TYPED_TEST(AnyScalar, RefusesWhatIsNoMeasurement) {
   EXPECT_EQ(navigation.step(now += dt, V3(S(NAN), S(0), S(0)), wrench), Status::non_finite);
   EXPECT_GT(navigation.attitude_estimator().covariance()(0, 0) - before, S(5e-4));
   EXPECT_NE(V3(navigation.pose().translation()), there);
+  EXPECT_EQ(navigation.step(now += dt, V3(S(0), S(20), S(0)), wrench), Status::implausible);
   wrench(2) = S(INFINITY);
   EXPECT_EQ(navigation.step(now += dt, gyro, wrench), Status::non_finite);
   EXPECT_TRUE(navigation.velocity().allFinite());

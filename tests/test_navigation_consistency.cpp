@@ -183,16 +183,19 @@ TEST(NavigationConsistency, Position) {
     icat::Noise noise(static_cast<std::uint64_t>(run) + 1);
     icat::PositionEstimator<double> estimator(Vector3(1, 2, 3), options);
     Vector3 p = Vector3(1, 2, 3) + noise.vector<double, 3>(options.initial_position);
-    const auto draw = [&] {
-      return Vector3(0.02 * noise.normal(), 0.03 * noise.normal(), 0.01 * noise.normal());
-    };
-    // A vehicle that does not turn: the model's e is of constant covariance on ⟨0⟩.
+    // A vehicle that does not turn: e is of constant covariance on ⟨0⟩.
     const Matrix3 R = icat::rotation_exp<double>(Vector3(0.1, 0.2, 0.7));
-    Vector3 e = R * draw();
+    const Vector3 velocity(0.3, 0.1, 0.05);
+    const auto draw = [&] {
+      const Vector3 known(0.02 * noise.normal(), 0.03 * noise.normal(), 0.01 * noise.normal());
+      const Vector3 turned =
+          Vector3(0, 0, options.heading_bias * noise.normal()).cross(R * velocity);
+      return Vector3(R * known + noise.vector<double, 3>(options.velocity_bias) + turned);
+    };
+    Vector3 e = draw();
     for (int k = 0; k < steps; ++k) {
-      const Vector3 velocity(0.3, 0.1 * std::sin(0.1 * k * dt), 0.05);
       p += dt * (R * velocity + e);
-      e = keep * e + fresh * (R * draw());
+      e = keep * e + fresh * draw();
       ASSERT_EQ(estimator.predict(velocity, Pv, R, dt), Status::ok);
       const auto expect_known = [](Status status) {
         ASSERT_TRUE(status == Status::ok || status == Status::outlier);

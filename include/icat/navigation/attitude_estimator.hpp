@@ -56,9 +56,11 @@ class AttitudeEstimator {
   }
 
   /// The gyros measured `gyro`, ω̃ on ⟨v⟩ in rad/s, for `dt` s, >= 0; more than 1 s counts as 1 s.
-  /// What is not finite is refused and changes nothing. No allocation.
+  /// What is not finite, or faster than 10 rad/s (`implausible`), is refused and changes nothing.
+  /// No allocation.
   Status predict(const Vector3<Scalar>& gyro, double dt) noexcept {
     Status status = detail::check_input(gyro);
+    if (status == Status::ok && detail::norm(gyro) > Scalar(10)) status = Status::implausible;
     if (status == Status::ok) status = detail::check_step(dt);
     if (status != Status::ok) return status;
     const Scalar h = static_cast<Scalar>(dt);

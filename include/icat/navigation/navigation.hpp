@@ -45,7 +45,8 @@ class Navigation {
 
   /// One step of all predictions. Answers with the first complaint; the rest of the step is done
   /// all the same: without gyros the attitude stays and its variance grows, without wrench the last
-  /// one goes on. No allocation.
+  /// one goes on. A yaw rate that the gate refuses is counted there and is no complaint. No
+  /// allocation.
   /// @param now     s; differences count, see core/step_clock.hpp; longest step 1 s
   /// @param gyro    measured angular velocity on ⟨v⟩, rad/s
   /// @param wrench  of the thrusters, and what else is known but weight and drag, on ⟨v⟩, N, N m
@@ -65,7 +66,8 @@ class Navigation {
     note(yaw_rate_.predict(wrench_(5), dt));
     if (gyro_status == Status::ok) {
       angular_ = detail::minus(gyro, attitude_.bias());
-      note(yaw_rate_.correct(angular_(2)));
+      const Status yaw = yaw_rate_.correct(angular_(2));
+      if (yaw != Status::outlier) note(yaw);  // of thousand good ones three are
     } else {
       note(attitude_.coast(dt));
     }

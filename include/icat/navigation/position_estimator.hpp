@@ -4,13 +4,13 @@
 /// landmark that vision tracks. The fourth of four estimators in [MARIS, V], which prints no
 /// equations. Ours:
 ///
-///     p ← p + R v dt,     e ← exp(−dt/T) e + w,   cov(e) = R P_v Rᵀ
+///     p ← p + R v dt,     e ← exp(−dt/T) e + w,   E = cov(e) = R P_v Rᵀ + σ_v² I + σ_ψ² u uᵀ
 ///
-/// The velocity v comes from an estimator that knows its own covariance P_v. Its error e is not
-/// white: it lasts, T of it. So e is considered and not estimated (Schmidt's filter): with
-/// C = cov(p, e),
+/// The velocity v comes from an estimator that knows its own covariance P_v, but not the constant
+/// errors σ_v of the DVL and σ_ψ of the heading, u = z × R v. The error e is not white: it lasts, T
+/// of it. So e is considered and not estimated (Schmidt's filter): with C = cov(p, e),
 ///
-///     P ← P + dt (C + Cᵀ) + dt² R P_v Rᵀ,   C ← exp(−dt/T) (C + dt R P_v Rᵀ)
+///     P ← P + dt (C + Cᵀ) + dt² E,   C ← exp(−dt/T) (C + dt E)
 ///
 /// and while nothing else is measured the deviation of p grows like the time at first, then like
 /// its square root.
@@ -29,10 +29,12 @@ class PositionEstimator {
  public:
   /// Noise, standard deviations.
   struct Options {
-    Scalar depth_noise = static_cast<Scalar>(0.02);     ///< of each measurement, m, > 0
+    Scalar depth_noise = static_cast<Scalar>(0.05);     ///< of each measurement, m, > 0
     Scalar gps_noise = static_cast<Scalar>(1.5);        ///< of each, north and east, m, > 0
     Scalar landmark_noise = static_cast<Scalar>(0.05);  ///< of each, each axis, m, > 0
-    double velocity_memory = 5;                         ///< T, s, > 0
+    Scalar velocity_bias = static_cast<Scalar>(0.003);  ///< σ_v, m/s
+    Scalar heading_bias = static_cast<Scalar>(0.02);    ///< σ_ψ, rad
+    double velocity_memory = 30;                        ///< T, s, > 0
     Scalar initial_position = static_cast<Scalar>(5);   ///< of each axis at first, m
   };
 
@@ -45,6 +47,8 @@ class PositionEstimator {
     detail::require_positive(owner, "depth_noise", options.depth_noise);
     detail::require_positive(owner, "gps_noise", options.gps_noise);
     detail::require_positive(owner, "landmark_noise", options.landmark_noise);
+    detail::require_non_negative(owner, "velocity_bias", options.velocity_bias);
+    detail::require_non_negative(owner, "heading_bias", options.heading_bias);
     detail::require_positive(owner, "velocity_memory", options.velocity_memory);
     detail::require_non_negative(owner, "initial_position", options.initial_position);
     for (Index i = 0; i < 3; ++i) P_(i, i) = options.initial_position * options.initial_position;
@@ -64,19 +68,26 @@ class PositionEstimator {
     if (!is_rigid(detail::make_pose(attitude, position_))) return Status::not_a_rotation;
     const Scalar h = static_cast<Scalar>(dt);
     const Scalar keep = static_cast<Scalar>(std::exp(-dt / options_.velocity_memory));
-    position_ = detail::plus(position_, h, detail::times(attitude, velocity));
-    const Matrix3<Scalar> Pv = detail::congruence<Scalar, 3, 3>(attitude, covariance);
+    const Vector3<Scalar> over_ground = detail::times(attitude, velocity);
+    position_ = detail::plus(position_, h, over_ground);
+    Matrix3<Scalar> E = detail::congruence<Scalar, 3, 3>(attitude, covariance);
+    const Vector3<Scalar> u(-options_.heading_bias * over_ground(1),
+                            options_.heading_bias * over_ground(0), Scalar(0));
+    for (Index i = 0; i < 3; ++i) {
+      E(i, i) += options_.velocity_bias * options_.velocity_bias;
+      for (Index j = 0; j < 3; ++j) E(i, j) += u(i) * u(j);
+    }
     for (Index i = 0; i < 3; ++i) {
       for (Index j = 0; j <= i; ++j) {
-        P_(i, j) += h * (C_(i, j) + C_(j, i)) + h * h * Pv(i, j);
+        P_(i, j) += h * (C_(i, j) + C_(j, i)) + h * h * E(i, j);
         P_(j, i) = P_(i, j);
       }
     }
     for (Index i = 0; i < 3; ++i) {
       for (Index j = 0; j < 3; ++j) {
-        // No correlation above 1, also where P_v has just become smaller.
-        const Scalar most = std::sqrt(std::max(P_(i, i) * Pv(j, j), Scalar(0)));
-        C_(i, j) = std::clamp(keep * (C_(i, j) + h * Pv(i, j)), -most, most);
+        // No correlation above 1, also where E has just become smaller.
+        const Scalar most = std::sqrt(std::max(P_(i, i) * E(j, j), Scalar(0)));
+        C_(i, j) = std::clamp(keep * (C_(i, j) + h * E(i, j)), -most, most);
       }
     }
     time_ += dt;

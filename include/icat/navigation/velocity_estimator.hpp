@@ -29,11 +29,11 @@ class VelocityEstimator {
   /// Noise, standard deviations; and the instrument.
   struct Options {
     Scalar acceleration_noise = static_cast<Scalar>(0.005);  ///< w₁, m/s²/√Hz, > 0
-    Scalar current_noise = static_cast<Scalar>(3e-4);       ///< w₂, m/s/√s
-    Scalar beam_noise = static_cast<Scalar>(0.01);          ///< of each beam, m/s, > 0
-    Scalar initial_velocity = static_cast<Scalar>(0.1);     ///< of v at first, m/s
-    Scalar initial_current = static_cast<Scalar>(0.3);      ///< of c at first, m/s
-    DvlGeometry<Scalar> dvl{};                              ///< place and beams
+    Scalar current_noise = static_cast<Scalar>(3e-4);        ///< w₂, m/s/√s
+    Scalar beam_noise = static_cast<Scalar>(0.01);           ///< of each beam, m/s, > 0
+    Scalar initial_velocity = static_cast<Scalar>(0.1);      ///< of v at first, m/s
+    Scalar initial_current = static_cast<Scalar>(0.3);       ///< of c at first, m/s
+    DvlGeometry<Scalar> dvl{};                               ///< place and beams
   };
   /// Of x.
   using Covariance = detail::Square<Scalar, 5>;
