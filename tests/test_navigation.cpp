@@ -10,11 +10,14 @@
 
 #include "support/allocation_counter.hpp"
 #include "support/sanitized.hpp"
+#include "support/swimmer.hpp"
 
 namespace {
 
 using icat::MeasurementGate;
 using icat::Status;
+using support::Swimmer;
+using support::vehicle_model;
 using Vector3 = icat::Vector3<double>;
 using Matrix3 = icat::Matrix3<double>;
 using Dvl = icat::DvlMeasurement<double>;
@@ -23,15 +26,6 @@ constexpr double dt = 0.01;
 constexpr double degree = std::numbers::pi / 180;
 constexpr int runs = sanitized ? 10 : 100;
 
-// A vehicle of 300 kg, as in maris_bodies.hpp.
-template <class S = double>
-icat::VehicleModel<S> model() {
-  icat::VehicleModel<S> m;
-  m.inertia << S(458), S(437), S(471), S(65), S(70), S(70);
-  m.linear_drag << S(50), S(50), S(44), S(20), S(20), S(24);
-  m.quadratic_drag << S(320), S(320), S(430), S(40), S(40), S(31);
-  return m;
-}
 Matrix3 heading(double angle) { return icat::rotation_exp<double>(Vector3(0, 0, angle)); }
 
 // ---- The gate
@@ -75,29 +69,11 @@ TEST(MeasurementGate, DoesNotStayClosedForEver) {
 
 // ---- Current and velocity
 
-// A vehicle with a drag of its own that swims in a current; heading 0 unless it turns.
-struct Swimmer {
-  Vector3 velocity = Vector3::Zero();  // over ground, on ⟨v⟩
-  Matrix3 R = Matrix3::Identity();
-  Vector3 current = Vector3::Zero();
-  icat::VehicleModel<double> model = ::model();
-
-  void step(const Vector3& force, const Vector3& angular, const Vector3& disturbance) {
-    constexpr int fine = 10;
-    for (int i = 0; i < fine; ++i) {
-      const Vector3 flow = R.transpose() * current, water = velocity - flow;
-      const Vector3 momentum = model.inertia.head<3>().cwiseProduct(water);
-      const Vector3 coriolis = angular.cross(momentum), carried = angular.cross(flow);
-      for (int j = 0; j < 3; ++j) {
-        const double d = model.linear_drag(j) + model.quadratic_drag(j) * std::abs(water(j));
-        velocity(j) += dt / fine *
-                       ((force(j) - d * water(j) - coriolis(j)) / model.inertia(j) - carried(j) +
-                        disturbance(j));
-      }
-      R = R * icat::rotation_exp<double>(Vector3(dt / fine * angular));
-    }
-  }
-};
+// In finer steps than the estimators'.
+void swim(Swimmer& swimmer, const Vector3& force, const Vector3& angular,
+          const Vector3& disturbance = Vector3::Zero()) {
+  for (int i = 0; i < 10; ++i) swimmer.step(force, angular, disturbance, dt / 10);
+}
 
 // What 72 s with a current of 0.1 m/s from all sides say: how far off it is after 60 s, and the
 // velocity in the ten seconds after that, without DVL, and when it is back.
@@ -110,7 +86,7 @@ CurrentCampaign swim_in_a_current(double acceleration_noise) {
   options.acceleration_noise = acceleration_noise;
   for (int run = 0; run < runs; ++run) {
     icat::Noise noise(static_cast<std::uint64_t>(run) + 1);
-    icat::VelocityEstimator<double> estimator(model(), options);
+    icat::VelocityEstimator<double> estimator(vehicle_model(), options);
     Swimmer swimmer;
     const double direction = 2 * std::numbers::pi * run / runs;
     swimmer.current = 0.1 * Vector3(std::cos(direction), std::sin(direction), 0);
@@ -118,8 +94,8 @@ CurrentCampaign swim_in_a_current(double acceleration_noise) {
     for (int k = 0; k < 7200; ++k) {
       const double t = k * dt;
       const Vector3 force(40, 10 * std::sin(0.2 * t), 0), still = Vector3::Zero();
-      swimmer.step(force, still,
-                   noise.vector<double, 3>(options.acceleration_noise / std::sqrt(dt)));
+      swim(swimmer, force, still,
+           noise.vector<double, 3>(options.acceleration_noise / std::sqrt(dt)));
       EXPECT_EQ(estimator.predict(force, swimmer.R, still, dt), Status::ok);
       const bool lost = k >= 6000 && k < 7000;
       if (k % 12 == 0 && !lost) {
@@ -171,7 +147,7 @@ TEST(VelocityEstimator, FindsTheCurrentAndLivesThroughAnOutage) {
 // Three beams measure all of the velocity, less well along the one that is gone; two do not.
 TEST(VelocityEstimator, FourBeamsThreeBeamsAndFewer) {
   const auto after = [](std::array<bool, 4> beams) {
-    icat::VelocityEstimator<double> estimator(model());
+    icat::VelocityEstimator<double> estimator(vehicle_model());
     EXPECT_EQ(estimator.correct_dvl({.velocity = {0.1, 0, 0}, .beams = beams}), Status::ok);
     return estimator;
   };
@@ -183,7 +159,7 @@ TEST(VelocityEstimator, FourBeamsThreeBeamsAndFewer) {
   // σ² / (2 sin²α) and σ² / (4 cos²α), beside the first 0.01.
   EXPECT_NEAR(1 / four.covariance()(0, 0), 100 + 0.5 / 1e-4, 1e-6);
   EXPECT_NEAR(1 / four.covariance()(2, 2), 100 + 3 / 1e-4, 1e-6);
-  icat::VelocityEstimator<double> estimator(model());
+  icat::VelocityEstimator<double> estimator(vehicle_model());
   EXPECT_EQ(estimator.correct_dvl({.velocity = {1, 0, 0}, .beams = {true, false, true, false}}),
             Status::not_measured);
   EXPECT_EQ(estimator.correct_dvl({.velocity = {1, 0, 0}, .beams = {false, false, false, false}}),
@@ -199,7 +175,7 @@ TEST(VelocityEstimator, LeverArmOfTheDvl) {
   for (const bool told : {true, false}) {
     icat::VelocityEstimator<double>::Options options;
     if (told) options.dvl.position = place;
-    icat::VelocityEstimator<double> estimator(model(), options);
+    icat::VelocityEstimator<double> estimator(vehicle_model(), options);
     Matrix3 R = Matrix3::Identity();
     for (int k = 0; k < 1000; ++k) {
       R = R * icat::rotation_exp<double>(Vector3(dt * angular));
@@ -222,13 +198,13 @@ TEST(VelocityEstimator, LeverArmOfTheDvl) {
 TEST(VelocityEstimator, LateMeasurements) {
   double error[2];
   for (const bool told : {false, true}) {
-    icat::VelocityEstimator<double> estimator(model());
+    icat::VelocityEstimator<double> estimator(vehicle_model());
     Swimmer swimmer;
     std::vector<Vector3> past;
     double worst = 0;
     for (int k = 0; k < 1000; ++k) {
       const Vector3 force(60 * std::sin(0.8 * k * dt), 0, 0), still = Vector3::Zero();
-      swimmer.step(force, still, still);
+      swim(swimmer, force, still);
       past.push_back(swimmer.velocity);
       ASSERT_EQ(estimator.predict(force, swimmer.R, still, dt), Status::ok);
       if (k % 10 == 0 && k >= 30) {
@@ -241,7 +217,7 @@ TEST(VelocityEstimator, LateMeasurements) {
   }
   EXPECT_GT(error[0], 0.01);
   EXPECT_LT(error[1], 0.1 * error[0]);
-  icat::VelocityEstimator<double> estimator(model());
+  icat::VelocityEstimator<double> estimator(vehicle_model());
   EXPECT_EQ(estimator.correct_dvl({}, 0.51), Status::late_measurement);
   EXPECT_EQ(estimator.correct_dvl({}, -0.1), Status::time_reversed);
   EXPECT_EQ(estimator.correct_dvl({}, NAN), Status::non_finite);
@@ -250,7 +226,7 @@ TEST(VelocityEstimator, LateMeasurements) {
 // An error of the start is corrected by the first measurement, and not again by those that were
 // under way at the time: each in its own estimator, seven of them.
 TEST(LateMeasurements, CorrectAnErrorOnce) {
-  icat::VelocityEstimator<double> velocity(model(), {.initial_current = 0});
+  icat::VelocityEstimator<double> velocity(vehicle_model(), {.initial_current = 0});
   icat::AttitudeEstimator<double> attitude(Matrix3::Identity());
   icat::PositionEstimator<double> position(Vector3::Zero(), {.initial_position = 1});
   const Matrix3 Pv = 1e-6 * Matrix3::Identity(), turned = heading(0.04);
@@ -278,7 +254,7 @@ TEST(LateMeasurements, CorrectAnErrorOnce) {
 }
 
 TEST(VelocityEstimator, OutlierAndRestart) {
-  icat::VelocityEstimator<double> estimator(model());
+  icat::VelocityEstimator<double> estimator(vehicle_model());
   const auto cycle = [&](const Vector3& velocity) {
     for (int k = 0; k < 10; ++k) {
       EXPECT_EQ(estimator.predict(Vector3::Zero(), Matrix3::Identity(), Vector3::Zero(), dt),
@@ -312,7 +288,7 @@ TEST(VelocityEstimator, OutlierAndRestart) {
 // The gyro says otherwise than the model for 2 s, as when the vehicle is held and pushed: it is
 // believed, and the bias is not to blame.
 TEST(YawRateEstimator, OutlierAndRestart) {
-  icat::YawRateEstimator<double> estimator(model());
+  icat::YawRateEstimator<double> estimator(vehicle_model());
   const auto cycle = [&](double rate) {
     EXPECT_EQ(estimator.predict(0, dt), Status::ok);
     return estimator.correct(rate);
@@ -330,18 +306,16 @@ TEST(YawRateEstimator, OutlierAndRestart) {
 
 // A constant bias under a torque that is known: told from the rate by the model alone.
 TEST(YawRateEstimator, FindsTheBiasByTheModel) {
-  icat::YawRateEstimator<double> estimator(model(), {.acceleration_noise = 0.002});
-  double rate = 0;
+  icat::YawRateEstimator<double> estimator(vehicle_model(), {.acceleration_noise = 0.002});
+  Swimmer swimmer;
   for (int k = 0; k < 6000; ++k) {
     const double torque = 10 * std::sin(0.3 * k * dt);
-    for (int i = 0; i < 10; ++i) {
-      rate += 0.1 * dt * (torque - (24 + 31 * std::abs(rate)) * rate) / 70;
-    }
+    for (int i = 0; i < 10; ++i) swimmer.turn(torque, dt / 10);
     ASSERT_EQ(estimator.predict(torque, dt), Status::ok);
-    ASSERT_EQ(estimator.correct(rate + 0.004), Status::ok);
+    ASSERT_EQ(estimator.correct(swimmer.yaw_rate + 0.004), Status::ok);
   }
   EXPECT_NEAR(estimator.bias(), 0.004, 3e-4);
-  EXPECT_NEAR(estimator.rate(), rate, 3e-4);
+  EXPECT_NEAR(estimator.rate(), swimmer.yaw_rate, 3e-4);
 }
 
 // ---- Attitude
@@ -511,32 +485,29 @@ TYPED_TEST(AnyScalar, NavigatesForAMinute) {
   using V3 = icat::Vector3<S>;
   typename icat::Navigation<S>::Options options;
   options.position.initial_position = S(1);
-  icat::Navigation<S> navigation(model<S>(), icat::Pose<S>::Identity(), options);
+  icat::Navigation<S> navigation(vehicle_model<S>(), icat::Pose<S>::Identity(), options);
   Swimmer swimmer;
   swimmer.current = {0.1, -0.05, 0};
-  Vector3 place = Vector3::Zero();
-  double yaw_rate = 0;
   for (int k = 0; k < 6000; ++k) {
     icat::Vector6<double> wrench;
     wrench << 50, 0, 0, 0, 0, 10 * std::sin(0.1 * k * dt);
-    yaw_rate += dt * (wrench(5) - (24 + 31 * std::abs(yaw_rate)) * yaw_rate) / 70;
-    const Vector3 angular(0, 0, yaw_rate);
-    swimmer.step(wrench.template head<3>(), angular, Vector3::Zero());
-    place += dt * (swimmer.R * swimmer.velocity);
+    swimmer.turn(wrench(5), dt);
+    const Vector3 angular(0, 0, swimmer.yaw_rate);
+    swim(swimmer, wrench.template head<3>(), angular);
     ASSERT_EQ(navigation.step(k * dt, angular.cast<S>(), wrench.cast<S>()), Status::ok);
     if (k % 10 == 0) {
       ASSERT_EQ(navigation.correct_attitude(swimmer.R.cast<S>()), Status::ok);
       const V3 velocity = swimmer.velocity.cast<S>();
       ASSERT_EQ(navigation.correct_dvl({.velocity = velocity}), Status::ok);
-      ASSERT_EQ(navigation.correct_depth(S(place(2))), Status::ok);
+      ASSERT_EQ(navigation.correct_depth(S(swimmer.position(2))), Status::ok);
     }
   }
   const Vector3 position = navigation.pose().translation().template cast<double>();
   const icat::Vector6<double> twist = navigation.velocity().template cast<double>();
   const icat::Vector<double, 2> current = navigation.current().template cast<double>();
-  EXPECT_LT((position - place).norm(), 0.05);  // of 20 m; Euler's steps of 0.01 s
+  EXPECT_LT((position - swimmer.position).norm(), 0.05);  // of 20 m; Euler's steps of 0.01 s
   EXPECT_LT((twist.head<3>() - swimmer.velocity).norm(), 2e-3);
-  EXPECT_NEAR(twist(5), yaw_rate, 1e-3);
+  EXPECT_NEAR(twist(5), swimmer.yaw_rate, 1e-3);
   EXPECT_LT((current - swimmer.current.head<2>()).norm(), 2e-3);
   // Covariances: symmetric, positive.
   const auto& P = navigation.velocity_estimator().covariance();
@@ -558,7 +529,7 @@ TYPED_TEST(AnyScalar, RefusesWhatIsNoMeasurement) {
   using V3 = icat::Vector3<S>;
   using V2 = icat::Vector<S, 2>;
   using M3 = icat::Matrix3<S>;
-  icat::Navigation<S> navigation(model<S>(), icat::Pose<S>::Identity());
+  icat::Navigation<S> navigation(vehicle_model<S>(), icat::Pose<S>::Identity());
   const V3 gyro(S(0), S(0), S(0.1));
   icat::Vector6<S> wrench = icat::Filled{1};
   double now = 0;
@@ -576,7 +547,7 @@ TYPED_TEST(AnyScalar, RefusesWhatIsNoMeasurement) {
     EXPECT_EQ(navigation.correct_depth(bad), expected);
     EXPECT_EQ(navigation.correct_gps(V2(S(0), bad)), expected);
     EXPECT_EQ(navigation.correct_landmark(V3(bad, S(0), S(0))), expected);
-    icat::YawRateEstimator<S> yaw(model<S>());
+    icat::YawRateEstimator<S> yaw(vehicle_model<S>());
     EXPECT_EQ(yaw.correct(bad), expected);
     EXPECT_EQ(yaw.predict(bad, dt), expected);
     EXPECT_EQ(yaw.rate(), S(0));
@@ -605,7 +576,7 @@ TYPED_TEST(AnyScalar, RefusesWhatIsNoMeasurement) {
 TYPED_TEST(AnyScalar, SurvivesTheLargestNumbers) {
   using S = TypeParam;
   using V3 = icat::Vector3<S>;
-  icat::Navigation<S> navigation(model<S>(), icat::Pose<S>::Identity());
+  icat::Navigation<S> navigation(vehicle_model<S>(), icat::Pose<S>::Identity());
   const V3 still(S(0), S(0), S(0));
   icat::Vector6<S> wrench = icat::Filled{0};
   double now = 0;
@@ -626,7 +597,7 @@ TYPED_TEST(AnyScalar, SurvivesTheLargestNumbers) {
 }
 
 TEST(Navigation, DropOutsGrowAndGoStale) {
-  icat::Navigation<double> navigation(model(), icat::Pose<double>::Identity());
+  icat::Navigation<double> navigation(vehicle_model(), icat::Pose<double>::Identity());
   const icat::Vector6<double> wrench = icat::Vector6<double>::Zero();
   const auto& attitude = navigation.attitude_estimator();
   const auto& velocity = navigation.velocity_estimator();
@@ -661,7 +632,7 @@ TEST(Navigation, DropOutsGrowAndGoStale) {
 
 // What counts of the caller's time are steps: jumps cost one usual step, a gap its own length.
 TEST(Navigation, ClocksThatJump) {
-  icat::Navigation<double> navigation(model(), icat::Pose<double>::Identity());
+  icat::Navigation<double> navigation(vehicle_model(), icat::Pose<double>::Identity());
   icat::Vector6<double> wrench = icat::Vector6<double>::Zero();
   wrench(0) = 40;
   double now = 1.7e9;
@@ -684,7 +655,7 @@ TEST(NavigationAllocates, Nothing) {
 #ifdef ICAT_TEST_NO_MALLOC_COUNT
   GTEST_SKIP() << "malloc belongs to the sanitizer";
 #endif
-  icat::Navigation<double> navigation(model(), icat::Pose<double>::Identity());
+  icat::Navigation<double> navigation(vehicle_model(), icat::Pose<double>::Identity());
   const icat::Vector6<double> wrench = icat::Vector6<double>::Ones();
   bool ok = true;
   EXPECT_EQ(count_allocations([&] {
@@ -733,12 +704,13 @@ std::string message_of(F&& f) {
 TEST(NavigationErrors, ConfigurationThrowsWithNamesAndNumbers) {
   EXPECT_EQ(message_of([] { icat::VelocityEstimator<double>(icat::VehicleModel<double>{}); }),
             "VelocityEstimator: inertia 0 must be finite and > 0, got 0");
-  EXPECT_EQ(message_of([] { icat::VelocityEstimator<double>(model(), {.beam_noise = 0}); }),
+  EXPECT_EQ(message_of([] { icat::VelocityEstimator<double>(vehicle_model(), {.beam_noise = 0}); }),
             "VelocityEstimator: beam_noise must be finite and > 0, got 0");
-  EXPECT_EQ(
-      message_of([] { icat::VelocityEstimator<double>(model(), {.dvl = {.beam_angle = 30}}); }),
-      "VelocityEstimator: beam_angle must be in (0, 1.5) rad, got 30");
-  EXPECT_EQ(message_of([] { icat::YawRateEstimator<double>(model(), {.gyro_noise = -1}); }),
+  EXPECT_EQ(message_of([] {
+              icat::VelocityEstimator<double>(vehicle_model(), {.dvl = {.beam_angle = 30}});
+            }),
+            "VelocityEstimator: beam_angle must be in (0, 1.5) rad, got 30");
+  EXPECT_EQ(message_of([] { icat::YawRateEstimator<double>(vehicle_model(), {.gyro_noise = -1}); }),
             "YawRateEstimator: gyro_noise must be finite and > 0, got -1");
   EXPECT_EQ(message_of([] { icat::AttitudeEstimator<double>{Matrix3::Zero()}; }),
             "AttitudeEstimator: the first attitude is not a rotation");

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Whether the four estimators know how wrong they are: NEES and NIS over 100 seeded runs. The truth
-// has the noise that the estimators assume, which is what these tests mean, but is integrated here,
-// by itself, in ten steps for one of theirs.
+// has the noise that the estimators assume, which is what these tests mean, but is integrated apart
+// from them, in ten steps for one of theirs.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -13,6 +13,7 @@
 
 #include "support/chi_square.hpp"
 #include "support/sanitized.hpp"
+#include "support/swimmer.hpp"
 
 namespace {
 
@@ -27,15 +28,6 @@ constexpr double dt = 0.01;
 constexpr int fine = 10;  // steps of the truth in dt
 constexpr double h = dt / fine;
 
-// A vehicle of 300 kg, as in maris_bodies.hpp.
-icat::VehicleModel<double> model() {
-  icat::VehicleModel<double> m;
-  m.inertia << 458, 437, 471, 65, 70, 70;
-  m.linear_drag << 50, 50, 44, 20, 20, 24;
-  m.quadratic_drag << 320, 320, 430, 40, 40, 31;
-  return m;
-}
-
 // Instant k of twenty, or −1.
 int instant(int step) {
   const int every = steps / Consistency::instants;
@@ -43,30 +35,30 @@ int instant(int step) {
 }
 
 TEST(NavigationConsistency, YawRate) {
-  const auto m = model();
   const icat::YawRateEstimator<double>::Options options;
   Consistency check;
   for (int run = 0; run < runs; ++run) {
     icat::Noise noise(static_cast<std::uint64_t>(run) + 1);
-    icat::YawRateEstimator<double> estimator(m, options);
-    double rate = options.initial_rate * noise.normal();
+    icat::YawRateEstimator<double> estimator(support::vehicle_model(), options);
+    support::Swimmer truth;
+    truth.yaw_rate = options.initial_rate * noise.normal();
     double bias = options.initial_bias * noise.normal();
     for (int k = 0; k < steps; ++k) {
       const double torque = 20 * std::sin(0.5 * k * dt);
       for (int i = 0; i < fine; ++i) {
-        const double drag = m.linear_drag(5) + m.quadratic_drag(5) * std::abs(rate);
-        rate += h * (torque - drag * rate) / m.inertia(5) +
-                options.acceleration_noise * std::sqrt(h) * noise.normal();
+        truth.turn(torque, h);
+        truth.yaw_rate += options.acceleration_noise * std::sqrt(h) * noise.normal();
       }
       bias += options.bias_noise * std::sqrt(dt) * noise.normal();
       ASSERT_EQ(estimator.predict(torque, dt), Status::ok);
-      const Status status = estimator.correct(rate + bias + options.gyro_noise * noise.normal());
+      const Status status =
+          estimator.correct(truth.yaw_rate + bias + options.gyro_noise * noise.normal());
       ASSERT_TRUE(status == Status::ok || status == Status::outlier);
       // The gate refuses 0.3 % of what is good, and the errors that this leaves make the mean over
       // all steps 0.6 % larger: outside the band of 400,000 innovations, inside that of 40,000.
       if (k % 10 == 9) check.innovation(estimator.gyro().distance(), 1);
       if (const int at = instant(k); at >= 0) {
-        const icat::Vector<double, 2> e(rate - estimator.rate(), bias - estimator.bias());
+        const icat::Vector<double, 2> e(truth.yaw_rate - estimator.rate(), bias - estimator.bias());
         check.state(at, support::normalized_square<2>(estimator.covariance(), e), 2);
       }
     }
@@ -76,39 +68,31 @@ TEST(NavigationConsistency, YawRate) {
 
 // Turning at up to 0.3 rad/s, in a current, on four beams and sometimes on three.
 TEST(NavigationConsistency, Velocity) {
-  const auto m = model();
   icat::VelocityEstimator<double>::Options options;
   options.dvl.position = {0.3, -0.1, 0.4};
   Consistency check;
   for (int run = 0; run < runs; ++run) {
     icat::Noise noise(static_cast<std::uint64_t>(run) + 1);
-    icat::VelocityEstimator<double> estimator(m, options);
-    Vector3 v = noise.vector<double, 3>(options.initial_velocity);
-    icat::Vector<double, 2> c = noise.vector<double, 2>(options.initial_current);
-    Matrix3 R = icat::rotation_exp<double>(Vector3(0.05, -0.1, 2));
+    icat::VelocityEstimator<double> estimator(support::vehicle_model(), options);
+    support::Swimmer truth;
+    truth.velocity = noise.vector<double, 3>(options.initial_velocity);
+    truth.current.head<2>() = noise.vector<double, 2>(options.initial_current);
+    truth.R = icat::rotation_exp<double>(Vector3(0.05, -0.1, 2));
     for (int k = 0; k < steps; ++k) {
       const double t = k * dt;
       const Vector3 force(60 * std::sin(0.4 * t), 40 * std::cos(0.3 * t), 15 * std::sin(t));
       const Vector3 angular(0.05 * std::sin(0.9 * t), 0.04 * std::cos(0.8 * t),
                             0.3 * std::sin(0.2 * t));
       for (int i = 0; i < fine; ++i) {
-        const Vector3 flow = R.transpose() * Vector3(c(0), c(1), 0);
-        const Vector3 water = v - flow;
-        const Vector3 momentum = m.inertia.head<3>().cwiseProduct(water);
-        const Vector3 coriolis = angular.cross(momentum), carried = angular.cross(flow);
-        for (int j = 0; j < 3; ++j) {
-          const double drag = m.linear_drag(j) + m.quadratic_drag(j) * std::abs(water(j));
-          v(j) += h * ((force(j) - drag * water(j) - coriolis(j)) / m.inertia(j) - carried(j)) +
-                  options.acceleration_noise * std::sqrt(h) * noise.normal();
-        }
-        R = R * icat::rotation_exp<double>(Vector3(h * angular));
+        truth.step(force, angular,
+                   noise.vector<double, 3>(options.acceleration_noise / std::sqrt(h)), h);
       }
-      c += noise.vector<double, 2>(options.current_noise * std::sqrt(dt));
-      ASSERT_EQ(estimator.predict(force, R, angular, dt), Status::ok);
+      truth.current.head<2>() += noise.vector<double, 2>(options.current_noise * std::sqrt(dt));
+      ASSERT_EQ(estimator.predict(force, truth.R, angular, dt), Status::ok);
       if (k % 10 == 9) {
         icat::DvlMeasurement<double> z;
         if (k % 40 == 39) z.beams[static_cast<std::size_t>(run % 4)] = false;
-        const Vector3 u = v + angular.cross(options.dvl.position);
+        const Vector3 u = truth.velocity + angular.cross(options.dvl.position);
         Matrix3 A = Matrix3::Zero();
         Vector3 y = Vector3::Zero();
         for (int b = 0; b < 4; ++b) {
@@ -126,7 +110,7 @@ TEST(NavigationConsistency, Velocity) {
       }
       if (const int at = instant(k); at >= 0) {
         icat::Vector<double, 5> e;
-        e << v - estimator.velocity(), c - estimator.current();
+        e << truth.velocity - estimator.velocity(), truth.current.head<2>() - estimator.current();
         check.state(at, support::normalized_square<5>(estimator.covariance(), e), 5);
       }
     }

@@ -10,6 +10,7 @@
 #include "support/allocation_counter.hpp"
 #include "support/chi_square.hpp"
 #include "support/sanitized.hpp"
+#include "support/swimmer.hpp"
 
 namespace {
 
@@ -239,15 +240,6 @@ TEST(SensorsAllocate, NothingWhileTheyMeasure) {
 
 // ---- All together
 
-icat::VehicleModel<double> model() {
-  icat::VehicleModel<double> m;
-  m.inertia << 458, 437, 471, 65, 70, 70;
-  m.linear_drag << 50, 50, 44, 20, 20, 24;
-  m.quadratic_drag << 320, 320, 430, 40, 40, 31;
-  m.weight_in_water = -29;
-  return m;
-}
-
 // Largest errors after 60 s, m/s, rad; of the sums of squares over their covariance, how many.
 struct Outcome {
   double velocity = 0, current = 0, heading = 0;
@@ -275,16 +267,22 @@ Outcome swim(std::uint64_t seed, double bias, double latency, double drag) {
   icat::DepthSensor<double> depth({.bias = 0.01 * bias, .seed = 10 * seed + 2});
   icat::Noise disturbance(10 * seed + 3);
 
+  icat::VehicleModel<double> vehicle = support::vehicle_model();
+  vehicle.weight_in_water = -29;  // it floats
+
   //! [navigation]
   icat::Navigation<double>::Options options;
   options.velocity.dvl = dvl_options.geometry;  // where it sits, how its beams open
   options.attitude.heading_noise = 0.02;        // rad; the next section says how to choose
   options.position.initial_position = 0.1;      // m
-  icat::Navigation<double> navigation(model(), at(0, 0, 6.6).pose, options);
+  icat::Navigation<double> navigation(vehicle, at(0, 0, 6.6).pose, options);
   //! [navigation]
 
-  const auto plant = model();
-  const Vector3 current(0.08, -0.06, 0);
+  support::Swimmer swimmer;
+  swimmer.model = vehicle;
+  swimmer.model.linear_drag *= drag, swimmer.model.quadratic_drag *= drag;
+  swimmer.current = {0.08, -0.06, 0};
+  swimmer.position = {0, 0, 6.6};
   Motion truth = at(0, 0, 6.6);
   Outcome result;
   constexpr double dt = 0.01;
@@ -296,21 +294,13 @@ Outcome swim(std::uint64_t seed, double bias, double latency, double drag) {
     wrench(0) = 45;
     wrench(2) = 29;
     wrench(5) = 8 * std::sin(0.15 * now);
-    // The truth: water-relative dynamics, M v̇ + ω × M v = f − drag; yaw alone turns.
-    const Matrix3 R = truth.pose.linear();
-    const Vector3 angular = truth.velocity.tail<3>(), v = truth.velocity.head<3>();
-    const Vector3 flow = R.transpose() * current, water = v - flow;
-    const Vector3 momentum = plant.inertia.head<3>().cwiseProduct(water);
-    const Vector3 coriolis = angular.cross(momentum), carried = angular.cross(flow);
-    for (int j = 0; j < 3; ++j) {
-      const double d = drag * (plant.linear_drag(j) + plant.quadratic_drag(j) * std::abs(water(j)));
-      const double force = wrench(j) + (j == 2 ? plant.weight_in_water : 0) - d * water(j);
-      truth.velocity(j) += dt * ((force - coriolis(j)) / plant.inertia(j) - carried(j)) +
-                           0.005 * std::sqrt(dt) * disturbance.normal();
-    }
-    const double turning = plant.linear_drag(5) + plant.quadratic_drag(5) * std::abs(angular(2));
-    truth.velocity(5) += dt * (wrench(5) - turning * angular(2)) / plant.inertia(5);
-    truth.pose = icat::integrate<double>(truth.pose, truth.velocity, dt);
+    swimmer.turn(wrench(5), dt);
+    const Vector3 angular(0, 0, swimmer.yaw_rate);
+    swimmer.step(wrench.head<3>(), angular, disturbance.vector<double, 3>(0.005 / std::sqrt(dt)),
+                 dt);
+    truth.pose.linear() = swimmer.R;
+    truth.pose.translation() = swimmer.position;
+    truth.velocity << swimmer.velocity, angular;
 
     //! [loop]
     const auto inertial = ahrs.measure(now, truth);
@@ -337,7 +327,7 @@ Outcome swim(std::uint64_t seed, double bias, double latency, double drag) {
     const icat::Vector6<double> off = velocity - truth.velocity;
     const Matrix3 turn = pose.linear() * truth.pose.linear().transpose();
     result.velocity = std::max(result.velocity, off.head<3>().norm());
-    result.current = std::max(result.current, (flowing - current.head<2>()).norm());
+    result.current = std::max(result.current, (flowing - swimmer.current.head<2>()).norm());
     result.heading = std::max(result.heading, std::abs(icat::rotation_log<double>(turn)(2)));
     if (k % 500 == 0) {
       const Matrix3 P = navigation.velocity_estimator().velocity_covariance();
