@@ -396,6 +396,20 @@ TEST(AttitudeEstimator, ALockedOutHeadingRecovers) {
   }
 }
 
+// The same upside down, where the heading means nothing: tilt first, then the heading.
+TEST(AttitudeEstimator, ALockedOutTiltRecovers) {
+  for (const double wrong : {50 * degree, -std::numbers::pi}) {
+    icat::AttitudeEstimator<double> estimator(icat::rotation_exp<double>(Vector3(wrong, 0, 0)));
+    icat::Noise noise(4);
+    for (int k = 0; k < 1000; ++k) {
+      ASSERT_EQ(estimator.predict(Vector3::Zero(), dt), Status::ok);
+      (void)estimator.correct(icat::rotation_exp<double>(noise.vector<double, 3>(0.02)));
+    }
+    EXPECT_EQ(estimator.tilt().restarts(), 1) << wrong;
+    EXPECT_LT(icat::rotation_log<double>(estimator.attitude()).norm(), 0.02) << wrong;
+  }
+}
+
 // The magnetometer beside a steel pipe: its heading is off by 60° for a second. Tilt goes on.
 TEST(AttitudeEstimator, AHeadingOutlierLeavesTheTilt) {
   icat::AttitudeEstimator<double> estimator(Matrix3::Identity());

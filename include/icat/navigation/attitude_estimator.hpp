@@ -13,8 +13,6 @@
 /// and its own gate: near steel the heading is lost and the tilt is not.
 #pragma once
 
-#include <numbers>
-
 #include "icat/math/rigid_motion.hpp"
 #include "icat/navigation/history.hpp"
 #include "icat/navigation/kalman.hpp"
@@ -37,7 +35,8 @@ class AttitudeEstimator {
   /// Of (δθ, δb), on ⟨v⟩.
   using Covariance = Matrix6<Scalar>;
 
-  /// @param start  R at first, as the AHRS has it
+  /// @param start    R at first, as the AHRS has it
+  /// @param options  noise
   /// @throws std::invalid_argument on noise that is out of range, or a matrix that is no rotation.
   explicit AttitudeEstimator(const Matrix3<Scalar>& start, const Options& options = Options())
       : options_(options), attitude_(start) {
@@ -97,22 +96,25 @@ class AttitudeEstimator {
     // A turn about z of ⟨0⟩ after a swing, of the quaternion w + v; w >= 0. So the swing is what
     // gravity says, whatever the heading.
     const Matrix3<Scalar> then = orthonormal(history_.at(time_ - age, time_, attitude_));
-    const auto error =
-        detail::UnitQuaternion<Scalar>::of(detail::times(attitude, detail::transpose(then)));
+    const Matrix3<Scalar> turned = detail::times(attitude, detail::transpose(then));
+    const auto error = detail::UnitQuaternion<Scalar>::of(turned);
     const Scalar half = std::atan2(error.v(2), error.w);
     const Scalar c = std::cos(half), s = std::sin(half);
     detail::UnitQuaternion<Scalar> swing;
     swing.w = c * error.w + s * error.v(2);
     swing.v = {c * error.v(0) + s * error.v(1), c * error.v(1) - s * error.v(0), Scalar(0)};
     const Vector3<Scalar> tilt = swing.rotation_vector();
+    // Near half a turn the angles jump, the rotation does not.
+    const Vector3<Scalar> change =
+        rotation_log<Scalar>(detail::times(turned, detail::transpose(previous_)));
+    previous_ = turned;
 
     detail::Observation<Scalar, 6, 1> heading_z;
     for (Index j = 0; j < 3; ++j) heading_z.H(0, j) = attitude_(2, j);
     heading_z.R(0, 0) = options_.heading_noise * options_.heading_noise;
     heading_z.innovation(0) = Scalar(2) * half;
-    heading_z.change(0) = wrapped(heading_z.innovation(0) - heading_outlier_);
+    heading_z.change(0) = change(2);
     const auto first = detail::correct<Scalar, 6, 1>(P_, heading_z, heading_z.H, heading_);
-    if (first.status == Status::outlier) heading_outlier_ = heading_z.innovation(0);
 
     detail::Observation<Scalar, 6, 2> tilt_z;
     for (Index i = 0; i < 2; ++i) {
@@ -122,10 +124,9 @@ class AttitudeEstimator {
         tilt_z.innovation(i) -= attitude_(i, j) * first.dx(j);  // corrected already
       }
       tilt_z.R(i, i) = options_.tilt_noise * options_.tilt_noise;
-      tilt_z.change(i) = tilt_z.innovation(i) - tilt_outlier_(i);
+      tilt_z.change(i) = change(i);
     }
     const auto second = detail::correct<Scalar, 6, 2>(P_, tilt_z, tilt_z.H, tilt_);
-    if (second.status == Status::outlier) tilt_outlier_ = tilt_z.innovation;
 
     const Vector3<Scalar> turn =
         detail::plus(detail::column3(first.dx, 0, 0), detail::column3(second.dx, 0, 0));
@@ -155,9 +156,6 @@ class AttitudeEstimator {
   static Matrix3<Scalar> orthonormal(const Matrix3<Scalar>& R) noexcept {
     return detail::UnitQuaternion<Scalar>::of(R).matrix();
   }
-  static Scalar wrapped(Scalar angle) noexcept {
-    return std::remainder(angle, Scalar(2) * std::numbers::pi_v<Scalar>);
-  }
   void grow(const Matrix6<Scalar>& F, Scalar angle_variance, double dt) noexcept {
     const Scalar bias_variance =
         options_.bias_noise * options_.bias_noise * static_cast<Scalar>(dt);
@@ -174,8 +172,7 @@ class AttitudeEstimator {
   Matrix3<Scalar> attitude_;
   Vector3<Scalar> bias_ = Filled{0};
   Covariance P_ = Filled{0};
-  Scalar heading_outlier_{0};
-  Vector<Scalar, 2> tilt_outlier_ = Filled{0};
+  Matrix3<Scalar> previous_ = IdentityMatrix{};  // the last R_z Rᵀ
   MeasurementGate heading_, tilt_;
   detail::History<Matrix3<Scalar>> history_;
   double time_{0};

@@ -131,7 +131,7 @@ struct Observation {
   Eigen::Matrix<Scalar, M, N> H = Filled{0};
   Square<Scalar, M> R = Filled{0};
   Vector<Scalar, M> innovation = Filled{0};
-  Vector<Scalar, M> change = Filled{0};  ///< from the innovation of the last outlier
+  Vector<Scalar, M> change = Filled{0};  ///< from the innovation before it
 };
 /// What it does to the state, x ← x + dx, and to its error, e ← A e.
 template <class Scalar, int N>

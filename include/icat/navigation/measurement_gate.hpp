@@ -48,7 +48,7 @@ class MeasurementGate {
   }
 
   /// @param distance   d² of the innovation
-  /// @param change     d² of its difference from that of the last outlier; NaN counts as far
+  /// @param change     d² of its difference from the innovation before; NaN counts as far
   /// @param dimension  of the measurement, 1 … 3
   Verdict judge(double distance, double change, int dimension) noexcept {
     distance_ = distance;

@@ -26,14 +26,16 @@ class Navigation {
  public:
   /// Of each estimator.
   struct Options {
+    /// Its bias noise and initial bias do not count.
     typename YawRateEstimator<Scalar>::Options yaw_rate{};
-    typename VelocityEstimator<Scalar>::Options velocity{};
-    typename AttitudeEstimator<Scalar>::Options attitude{};
-    typename PositionEstimator<Scalar>::Options position{};
+    typename VelocityEstimator<Scalar>::Options velocity{};  ///< and the DVL's place
+    typename AttitudeEstimator<Scalar>::Options attitude{};  ///< of gyros and AHRS
+    typename PositionEstimator<Scalar>::Options position{};  ///< of depth, GPS, landmark
   };
 
-  /// @param model  of the vehicle
-  /// @param start  ⟨v⟩ in ⟨0⟩ at first, as far as it is known
+  /// @param model    of the vehicle
+  /// @param start    ⟨v⟩ in ⟨0⟩ at first, as far as it is known
+  /// @param options  noise
   /// @throws std::invalid_argument as the estimators do.
   explicit Navigation(const VehicleModel<Scalar>& model, const Pose<Scalar>& start,
                       const Options& options = Options())
@@ -78,19 +80,23 @@ class Navigation {
     return result;
   }
 
-  /// As the estimators' functions; `age` in s.
+  /// As `AttitudeEstimator::correct`.
   Status correct_attitude(const Matrix3<Scalar>& attitude, double age = 0) noexcept {
     return attitude_.correct(attitude, age);
   }
+  /// As `VelocityEstimator::correct_dvl`.
   Status correct_dvl(const DvlMeasurement<Scalar>& measurement, double age = 0) noexcept {
     return velocity_.correct_dvl(measurement, age);
   }
+  /// As `PositionEstimator::correct_depth`.
   Status correct_depth(Scalar depth, double age = 0) noexcept {
     return position_.correct_depth(depth, age);
   }
+  /// As `PositionEstimator::correct_gps`.
   Status correct_gps(const Vector<Scalar, 2>& position, double age = 0) noexcept {
     return position_.correct_gps(position, age);
   }
+  /// As `PositionEstimator::correct_landmark`.
   Status correct_landmark(const Vector3<Scalar>& position, double age = 0) noexcept {
     return position_.correct_landmark(position, age);
   }
@@ -109,10 +115,13 @@ class Navigation {
   /// Of the water, north and east, m/s.
   const Vector<Scalar, 2>& current() const noexcept { return velocity_.current(); }
 
-  /// The parts, with their covariances and the gates of their sensors.
+  /// With its covariance and the gate of the gyro.
   const YawRateEstimator<Scalar>& yaw_rate_estimator() const noexcept { return yaw_rate_; }
+  /// With its covariance, the velocity through the water and the gate of the DVL.
   const VelocityEstimator<Scalar>& velocity_estimator() const noexcept { return velocity_; }
+  /// With its covariance, the biases and the gates of heading and tilt.
   const AttitudeEstimator<Scalar>& attitude_estimator() const noexcept { return attitude_; }
+  /// With its covariance and the gates of depth, GPS and landmark.
   const PositionEstimator<Scalar>& position_estimator() const noexcept { return position_; }
   /// Whether the caller's clock stands still.
   const StepClock& clock() const noexcept { return clock_; }

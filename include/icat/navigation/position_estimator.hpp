@@ -38,7 +38,8 @@ class PositionEstimator {
     Scalar initial_position = static_cast<Scalar>(5);   ///< of each axis at first, m
   };
 
-  /// @param start  p at first, m
+  /// @param start    p at first, m
+  /// @param options  noise and constant errors
   /// @throws std::invalid_argument on noise that is out of range, or a position that is not finite.
   explicit PositionEstimator(const Vector3<Scalar>& start, const Options& options = Options())
       : options_(options), position_(start) {
@@ -54,11 +55,11 @@ class PositionEstimator {
     for (Index i = 0; i < 3; ++i) P_(i, i) = options.initial_position * options.initial_position;
   }
 
-  /// `dt` s, >= 0, have passed; more than 1 s counts as 1 s. What is not finite or no rotation is
-  /// refused and changes nothing. No allocation.
+  /// What is not finite or no rotation is refused and changes nothing. No allocation.
   /// @param velocity    v over ground, on ⟨v⟩, m/s
   /// @param covariance  P_v, on ⟨v⟩
   /// @param attitude    R from ⟨v⟩ to ⟨0⟩
+  /// @param dt          s, >= 0; more than 1 s counts as 1 s
   Status predict(const Vector3<Scalar>& velocity, const Matrix3<Scalar>& covariance,
                  const Matrix3<Scalar>& attitude, double dt) noexcept {
     Status status = detail::check_input(velocity);
@@ -127,7 +128,7 @@ class PositionEstimator {
   template <int M>
   struct Sensor {
     MeasurementGate gate;
-    Vector<Scalar, M> outlier = Filled{0};
+    Vector<Scalar, M> previous = Filled{0};  // innovation
   };
 
   // Components `first`, … of p.
@@ -143,10 +144,10 @@ class PositionEstimator {
       z.H(i, first + i) = Scalar(1);
       z.R(i, i) = noise * noise;
       z.innovation(i) = measured(i) - expected(first + i);
-      z.change(i) = z.innovation(i) - sensor.outlier(i);
+      z.change(i) = z.innovation(i) - sensor.previous(i);
     }
+    sensor.previous = z.innovation;
     const auto correction = detail::correct<Scalar, 3, M>(P_, z, z.H, sensor.gate);
-    if (correction.status == Status::outlier) sensor.outlier = z.innovation;
     if (correction.status != Status::ok) return correction.status;
     C_ = detail::times(correction.A, C_);
     position_ = detail::plus(position_, correction.dx);

@@ -58,11 +58,11 @@ class VelocityEstimator {
     }
   }
 
-  /// `dt` s, >= 0, have passed; more than 1 s counts as 1 s. What is not finite or no rotation is
-  /// refused and changes nothing. No allocation.
+  /// What is not finite or no rotation is refused and changes nothing. No allocation.
   /// @param force     f, of the thrusters and what else is known but weight and drag, on ⟨v⟩, N
   /// @param attitude  R from ⟨v⟩ to ⟨0⟩, at the end of the step
   /// @param angular   ω on ⟨v⟩, rad/s
+  /// @param dt        s, >= 0; more than 1 s counts as 1 s
   Status predict(const Vector3<Scalar>& force, const Matrix3<Scalar>& attitude,
                  const Vector3<Scalar>& angular, double dt) noexcept {
     Status status = detail::check_input(force);
@@ -132,9 +132,9 @@ class VelocityEstimator {
     for (Index i = 0; i < 3; ++i) z.H(i, i) = Scalar(1);
     const Vector3<Scalar> expected = history_.at(time_ - age, time_, at_instrument());
     z.innovation = detail::minus(measurement.velocity, expected);
-    z.change = detail::minus(z.innovation, outlier_);
+    z.change = detail::minus(z.innovation, previous_);
+    previous_ = z.innovation;
     const auto correction = detail::correct<Scalar, 5, 3>(P_, z, z.H, gate_);
-    if (correction.status == Status::outlier) outlier_ = z.innovation;
     if (correction.status != Status::ok) return correction.status;
     const Vector3<Scalar> dv = detail::column3(correction.dx, 0, 0);
     velocity_ = detail::plus(velocity_, dv);
@@ -181,7 +181,7 @@ class VelocityEstimator {
 
   VehicleModel<Scalar> model_;
   Options options_;
-  Vector3<Scalar> velocity_ = Filled{0}, angular_ = Filled{0}, outlier_ = Filled{0};
+  Vector3<Scalar> velocity_ = Filled{0}, angular_ = Filled{0}, previous_ = Filled{0};
   Vector<Scalar, 2> current_ = Filled{0};
   Matrix3<Scalar> attitude_ = IdentityMatrix{};
   Covariance P_ = Filled{0};

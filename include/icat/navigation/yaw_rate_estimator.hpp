@@ -77,11 +77,11 @@ class YawRateEstimator {
     z.H(0, 0) = z.H(0, 1) = Scalar(1);
     z.R(0, 0) = options_.gyro_noise * options_.gyro_noise;
     z.innovation(0) = rate - rate_ - bias_;
-    z.change(0) = z.innovation(0) - outlier_;
+    z.change(0) = z.innovation(0) - previous_;
+    previous_ = z.innovation(0);
     Eigen::Matrix<Scalar, 1, 2> restarted = Filled{0};  // the rate is to blame, not the bias
     restarted(0, 0) = Scalar(1);
     const auto correction = detail::correct<Scalar, 2, 1>(P_, z, restarted, gate_);
-    if (correction.status == Status::outlier) outlier_ = z.innovation(0);
     rate_ += correction.dx(0);
     bias_ += correction.dx(1);
     return correction.status;
@@ -99,7 +99,7 @@ class YawRateEstimator {
  private:
   VehicleModel<Scalar> model_;
   Options options_;
-  Scalar rate_{0}, bias_{0}, outlier_{0};
+  Scalar rate_{0}, bias_{0}, previous_{0};
   detail::Square<Scalar, 2> P_ = Filled{0};
   MeasurementGate gate_;
 };

@@ -18,6 +18,7 @@ namespace icat {
 /// The same numbers for the same seed, up to the rounding of sine and logarithm. No allocation.
 class Noise {
  public:
+  /// Another seed, other numbers.
   explicit Noise(std::uint64_t seed) : random_(seed) {}
 
   /// In [0, 1).

@@ -30,8 +30,8 @@ struct VehicleMotion {
 /// A value, and when it was measured, s.
 template <class Value>
 struct Timed {
-  double time{0};
-  Value value{};
+  double time{0};  ///< s
+  Value value{};   ///< at that time
 };
 
 namespace detail {
@@ -101,7 +101,7 @@ class Ahrs {
     double heading_noise = 0.01;   ///< of each measurement
     double tilt_bias = 0.005;      ///< constant
     double heading_bias = 0.0175;  ///< constant
-    std::uint64_t seed = 1;
+    std::uint64_t seed = 1;        ///< of noise and biases
   };
 
   /// @throws std::invalid_argument on a rate that is not > 0 or another number that is not >= 0.
@@ -167,7 +167,7 @@ class Dvl {
     double range = 80;               ///< of a beam
     double loss = 0;                 ///< probability for each beam, anywhere
     DvlGeometry<Scalar> geometry{};  ///< place and beams
-    std::uint64_t seed = 2;
+    std::uint64_t seed = 2;          ///< of noise, biases and losses
   };
 
   /// @throws std::invalid_argument on numbers out of range.
@@ -234,11 +234,11 @@ class DepthSensor {
  public:
   /// m, s.
   struct Options {
-    double rate = 10;     ///< Hz, > 0
-    double latency = 0;   ///< s
-    double noise = 0.02;  ///< of each measurement
-    double bias = 0.01;   ///< constant
-    std::uint64_t seed = 3;
+    double rate = 10;        ///< Hz, > 0
+    double latency = 0;      ///< s
+    double noise = 0.02;     ///< of each measurement
+    double bias = 0.01;      ///< constant
+    std::uint64_t seed = 3;  ///< of noise and bias
   };
 
   /// @throws std::invalid_argument on a rate that is not > 0 or another number that is not >= 0.
@@ -273,12 +273,12 @@ class Gps {
  public:
   /// m, s.
   struct Options {
-    double rate = 4;       ///< Hz, > 0
-    double latency = 0;    ///< s
-    double noise = 1;      ///< of each measurement, north and east
-    double bias = 0.5;     ///< constant
-    double surface = 0.2;  ///< a fix for z below this depth
-    std::uint64_t seed = 4;
+    double rate = 4;         ///< Hz, > 0
+    double latency = 0;      ///< s
+    double noise = 1;        ///< of each measurement, north and east
+    double bias = 0.5;       ///< constant
+    double surface = 0.2;    ///< a fix for z below this depth
+    std::uint64_t seed = 4;  ///< of noise and bias
   };
 
   /// @throws std::invalid_argument on a rate that is not > 0 or another number that is not >= 0.
