@@ -610,6 +610,66 @@ TYPED_TEST(AnyScalar, SurvivesTheLargestNumbers) {
   EXPECT_GE(navigation.velocity_estimator().dvl().restarts(), 2);
 }
 
+// Anything in any order: what comes out is finite, a rotation, and its variances are positive.
+TYPED_TEST(AnyScalar, SurvivesAnyOrderOfAnything) {
+  using S = TypeParam;
+  icat::Noise noise(11);
+  icat::Navigation<S> navigation(vehicle_model<S>(), icat::Pose<S>::Identity());
+  const auto value = [&](double deviation) {
+    const double kind = noise.uniform();
+    return static_cast<S>(kind < 0.01   ? NAN
+                          : kind < 0.02 ? HUGE_VAL
+                          : kind < 0.04 ? 1e5 * noise.normal()
+                                        : deviation * noise.normal());
+  };
+  const auto vector = [&](double deviation) {
+    return icat::Vector3<S>(value(deviation), value(deviation), value(deviation));
+  };
+  double now = 0;
+  int taken = 0;
+  const auto count = [&](Status status) { taken += status == Status::ok ? 1 : 0; };
+  for (int k = 0; k < (sanitized ? 20000 : 100000); ++k) {
+    const double age = noise.uniform() < 0.5 ? 0.0 : 0.6 * noise.uniform();
+    switch (static_cast<int>(8 * noise.uniform())) {
+      case 0: {
+        icat::Matrix3<S> R = icat::rotation_exp<S>(vector(0.3));
+        count(navigation.correct_attitude(R, age));
+        break;
+      }
+      case 1: {
+        icat::DvlMeasurement<S> z{.velocity = vector(0.1)};
+        for (bool& beam : z.beams) beam = noise.uniform() < 0.9;
+        count(navigation.correct_dvl(z, age));
+        break;
+      }
+      case 2:
+        count(navigation.correct_depth(value(1), age));
+        break;
+      case 3:
+        count(navigation.correct_gps({value(3), value(3)}, age));
+        break;
+      case 4:
+        count(navigation.correct_landmark(vector(1), age));
+        break;
+      default: {
+        icat::Vector6<S> wrench;
+        wrench << vector(50), vector(5);
+        now += noise.uniform() < 0.01 ? 2 * noise.normal() : 0.02 * noise.uniform();
+        count(navigation.step(now, vector(0.1), wrench));
+      }
+    }
+    ASSERT_TRUE(navigation.velocity().allFinite()) << k;
+    ASSERT_TRUE(navigation.current().allFinite()) << k;
+    ASSERT_TRUE(icat::is_rigid(navigation.pose())) << k;
+    for (int i = 0; i < 5; ++i) {
+      ASSERT_GT(navigation.velocity_estimator().covariance()(i, i), S(0)) << k;
+      ASSERT_GT(navigation.attitude_estimator().covariance()(i, i), S(0)) << k;
+      ASSERT_GT(navigation.position_estimator().covariance()(i % 3, i % 3), S(0)) << k;
+    }
+  }
+  EXPECT_GT(taken, sanitized ? 4000 : 20000);
+}
+
 TEST(Navigation, DropOutsGrowAndGoStale) {
   icat::Navigation<double> navigation(vehicle_model(), icat::Pose<double>::Identity());
   const icat::Vector6<double> wrench = icat::Vector6<double>::Zero();

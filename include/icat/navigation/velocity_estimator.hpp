@@ -134,7 +134,16 @@ class VelocityEstimator {
     z.innovation = detail::minus(measurement.velocity, expected);
     z.change = detail::minus(z.innovation, previous_);
     previous_ = z.innovation;
+    // The error has grown since by what no measurement of then can know.
+    Vector3<Scalar> since;
+    for (Index i = 0; i < 3; ++i) {
+      since(i) = std::min(
+          options_.acceleration_noise * options_.acceleration_noise * static_cast<Scalar>(age),
+          P_(i, i) / Scalar(2));
+      P_(i, i) -= since(i);
+    }
     const auto correction = detail::correct<Scalar, 5, 3>(P_, z, z.H, gate_);
+    for (Index i = 0; i < 3; ++i) P_(i, i) += since(i);
     if (correction.status != Status::ok) return correction.status;
     const Vector3<Scalar> dv = detail::column3(correction.dx, 0, 0);
     velocity_ = detail::plus(velocity_, dv);
