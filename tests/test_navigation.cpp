@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdio>
 #include <icat/navigation/navigation.hpp>
 #include <icat/sim/noise.hpp>
 #include <string>

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdio>
 #include <icat/navigation/navigation.hpp>
 #include <icat/sim/sensors.hpp>
 #include <string>

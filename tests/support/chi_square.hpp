@@ -11,6 +11,7 @@
 
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <icat/navigation/kalman.hpp>
 
 namespace support {
