@@ -5,8 +5,8 @@
 /// A measurement of age a is compared with the estimate of a seconds ago; what it corrects there is
 /// corrected here and in all of the history, as an error that has lasted from then until now. That
 /// is exact for a constant error, and for 0.2 s of a velocity whose errors last seconds it is
-/// nearly so; the estimator counts as new what has come to the error since. A filter that went back
-/// and repeated its steps would cost a hundred times as much.
+/// nearly so; the estimator counts as new what has come to the error since. To go back and repeat
+/// all steps since would take a time that depends on the delay.
 #pragma once
 
 #include <array>
