@@ -28,6 +28,9 @@ enum class [[nodiscard]] Status{
     implausible_position,  ///< a joint is further outside its range than the range is wide
     round_out_of_range,    ///< a message of a round too far from this agent's own
     implausible,           ///< finite numbers that no robot that works could have meant
+    outlier,               ///< a measurement too far from the estimate
+    late_measurement,      ///< a measurement older than the history that is kept
+    not_measured,          ///< the sensor says itself that it has nothing
 };
 
 /// One line for a log. No allocation.
@@ -73,6 +76,12 @@ constexpr const char* describe(Status status) noexcept {
       return "a round too far from this agent's own";
     case Status::implausible:
       return "a velocity, difficulty or span beyond the plausible";
+    case Status::outlier:
+      return "a measurement too far from the estimate";
+    case Status::late_measurement:
+      return "a measurement that comes too late";
+    case Status::not_measured:
+      return "a sensor without a measurement";
   }
   return "unknown status";
 }

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// A vehicle swims a square in a current and steers by what its estimators tell it. GPS at the
+// start, then a DVL, which on the third side comes too near to the bottom and is lost for ten
+// seconds.
+#include <cstdio>
+#include <icat/control/pi_loop.hpp>
+#include <icat/navigation/navigation.hpp>
+#include <icat/sim/sensors.hpp>
+
+#include "../support/command_line.hpp"
+#include "../support/csv.hpp"
+#include "../support/support.hpp"
+
+using Vector2 = icat::Vector<double, 2>;
+using Vector3 = icat::Vector3<double>;
+using Matrix3 = icat::Matrix3<double>;
+using Vector4 = icat::Vector<double, 4>;
+using Vector6 = icat::Vector6<double>;
+
+constexpr double dt = 0.01, floor_depth = 10, side = 10, speed = 0.3;
+const Vector3 water(0.08, -0.06, 0);  // the current, m/s
+
+icat::VehicleModel<double> make_model() {
+  icat::VehicleModel<double> m;
+  m.inertia << 458, 437, 471, 65, 70, 70;
+  m.linear_drag << 50, 50, 44, 20, 20, 24;
+  m.quadratic_drag << 320, 320, 430, 40, 40, 31;
+  m.weight_in_water = -29;
+  return m;
+}
+
+// The truth: upright, so that surge, sway, heave and yaw are all there is.
+void swim(const icat::VehicleModel<double>& m, const Vector6& wrench, icat::Noise& disturbance,
+          icat::VehicleMotion<double>& truth) {
+  const Matrix3 R = truth.pose.linear();
+  const Vector3 angular = truth.velocity.tail<3>(), v = truth.velocity.head<3>();
+  const Vector3 flow = R.transpose() * water, relative = v - flow;
+  const Vector3 momentum = m.inertia.head<3>().cwiseProduct(relative);
+  const Vector3 coriolis = angular.cross(momentum), carried = angular.cross(flow);
+  for (int j = 0; j < 3; ++j) {
+    const double drag = m.linear_drag(j) + m.quadratic_drag(j) * std::abs(relative(j));
+    const double force = wrench(j) + (j == 2 ? m.weight_in_water : 0) - drag * relative(j);
+    truth.velocity(j) += dt * ((force - coriolis(j)) / m.inertia(j) - carried(j)) +
+                         0.005 * std::sqrt(dt) * disturbance.normal();
+  }
+  const double drag = m.linear_drag(5) + m.quadratic_drag(5) * std::abs(angular(2));
+  truth.velocity(5) += dt * (wrench(5) - drag * angular(2)) / m.inertia(5);
+  truth.pose = icat::integrate<double>(truth.pose, truth.velocity, dt);
+}
+
+double depth_at(double t) {
+  if (t < 20) return 0.1;
+  const double cruise = std::min(0.1 + 0.25 * (t - 20), 8.0);
+  return t > 128 && t < 140.5 ? 9.2 : cruise;
+}
+
+int main(int argc, char** argv) {
+  const auto arguments = support::parse(
+      argc, argv, "A vehicle navigates a square without DVL near the bottom.", "out/10_navigation");
+  support::Csv csv(arguments.output, "run.csv",
+                   "t,north,east,depth,north_est,east_est,north_dev,east_dev,current_north,"
+                   "current_east,current_dev,surge_error,surge_dev,lost");
+  const auto model = make_model();
+  icat::VehicleMotion<double> truth;
+  truth.pose.translation() = Vector3(3, -2, 0.1);  // the navigation believes (0, 0, 0)
+
+  const icat::DvlGeometry<double> instrument{.position = {0.3, 0, 0.4}};
+  icat::Ahrs<double> ahrs;
+  icat::Dvl<double> dvl({.latency = 0.1, .floor = floor_depth, .geometry = instrument});
+  icat::DepthSensor<double> depth;
+  icat::Gps<double> gps({.latency = 0.2});
+  icat::Noise disturbance(5);
+  icat::Navigation<double> navigation(
+      model, icat::Pose<double>::Identity(),
+      {.velocity = {.dvl = instrument}, .position = {.gps_noise = 5}});
+
+  // Surge, sway, heave, yaw.
+  auto gains = icat::PiLoop<double, 4>::tuned({458, 437, 471, 70}, {0.7, 0.7, 0.7, 1.5});
+  gains.bound = Vector4(150, 150, 150, 60);
+  icat::PiLoop<double, 4> loop(gains);
+  const Vector2 corners[] = {{side, 0}, {side, side}, {0, side}, {0, 0}};
+  int corner = 0;
+  Vector3 gyro = Vector3::Zero();
+  Vector6 wrench = Vector6::Zero();
+  double in_outage = 0, current_error = 0, lost_for = 0, t = 0;
+  icat::Status status = icat::Status::ok;
+  for (int k = 0; t < 210 && status == icat::Status::ok; ++k, t = k * dt) {
+    const auto inertial = ahrs.measure(t, truth);
+    if (inertial) gyro = inertial->value.gyro;
+    status = navigation.step(t, gyro, wrench);
+    // What a gate refuses, its counter shows.
+    if (inertial) (void)navigation.correct_attitude(inertial->value.attitude);
+    if (const auto z = dvl.measure(t, truth)) (void)navigation.correct_dvl(z->value, t - z->time);
+    if (const auto z = depth.measure(t, truth)) (void)navigation.correct_depth(z->value);
+    if (const auto z = gps.measure(t, truth)) (void)navigation.correct_gps(z->value, t - z->time);
+
+    // Steering: to the corner, nose ahead, from 60 s on.
+    const icat::Pose<double> pose = navigation.pose();
+    const Vector3 position = pose.translation();
+    Vector3 wanted(0, 0, 0.5 * (depth_at(t) - position(2)));
+    double course = 0;
+    if (t > 60) {
+      const Vector2 ahead = corners[corner] - position.head<2>();
+      if (ahead.norm() < 0.3 && corner < 3) ++corner;
+      wanted.head<2>() = std::min(speed, 0.5 * ahead.norm()) * ahead.normalized();
+      course = corner * std::numbers::pi / 2;
+    }
+    const Matrix3 R = pose.linear();
+    const double turn = std::remainder(course - std::atan2(R(1, 0), R(0, 0)), 2 * std::numbers::pi);
+    const Vector3 body = R.transpose() * wanted;
+    const Vector6 velocity = navigation.velocity();
+    if (status == icat::Status::ok) {
+      status = loop.update({body(0), body(1), body(2), std::clamp(0.5 * turn, -0.3, 0.3)},
+                           {velocity(0), velocity(1), velocity(2), velocity(5)},
+                           Vector4(0, 0, 29, 0), dt);
+    }
+    wrench << loop.output().head<3>(), 0, 0, loop.output()(3);
+    swim(model, wrench, disturbance, truth);
+
+    const auto& estimator = navigation.velocity_estimator();
+    const auto& P = navigation.position_estimator().covariance();
+    const bool lost = t > 1 && estimator.dvl().age() > 0.5;
+    const Vector3 off = estimator.velocity() - truth.velocity.head<3>();
+    if (lost) lost_for += dt, in_outage = std::max(in_outage, off.norm());
+    if (t > 120) {
+      const Vector2 e = navigation.current() - water.head<2>();
+      current_error = std::max(current_error, e.norm());
+    }
+    if (k % 10 != 0) continue;
+    csv.row({t, truth.pose(0, 3), truth.pose(1, 3), truth.pose(2, 3), position(0), position(1),
+             std::sqrt(P(0, 0)), std::sqrt(P(1, 1)), navigation.current()(0),
+             navigation.current()(1), std::sqrt(estimator.covariance()(3, 3)), off(0),
+             std::sqrt(estimator.covariance()(0, 0)), double(lost)});
+  }
+  const Vector3 end = navigation.pose().translation();
+  const double away = (end - truth.pose.translation()).norm();
+  const auto& P = navigation.position_estimator().covariance();
+  const double deviation = std::sqrt(P(0, 0) + P(1, 1));
+  std::printf(
+      "%s: current known to %.1f cm/s; without DVL for %.1f s the velocity was off by %.1f cm/s "
+      "at\n"
+      "most; at the end the position is off by %.2f m, its deviation is %.2f m\n",
+      icat::describe(status), 100 * current_error, lost_for, 100 * in_outage, away, deviation);
+  if (arguments.pictures) support::draw(arguments.output);
+  return status == icat::Status::ok && lost_for > 9 && in_outage < 0.05 && away < 3 * deviation ? 0
+                                                                                                : 1;
+}
