@@ -12,7 +12,7 @@
 #include <icat/sim/channel.hpp>
 #include <icat/sim/grasped_object_plant.hpp>
 #include <icat/sim/kinematic_plant.hpp>
-#include <icat/sim/maris_bodies.hpp>
+#include <icat/sim/maris_dynamics.hpp>
 #include <icat/tpik/tpik.hpp>
 
 namespace {
