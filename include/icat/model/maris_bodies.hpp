@@ -96,6 +96,42 @@ RigidBody<Scalar> r2_vehicle_body(Scalar mass = Scalar(400)) {
   return body;
 }
 
+/// The links of R2's arm with its gripper, in ⟨b⟩: those of [Coop], and on the last one, 0.1 m
+/// beyond the end-effector, 4.5 daN in air and 1 daN in water [MARIS, II-C]. Unlike those of [Coop]
+/// they have added mass, ours: a long cylinder takes as much water along across its axis as it
+/// displaces, and none along it.
+template <class Scalar>
+std::array<RigidBody<Scalar>, 7> r2_link_bodies() {
+  std::array<RigidBody<Scalar>, 7> links = maris_link_bodies<Scalar>();
+  const auto add_water = [](RigidBody<Scalar>& body, Scalar length) {
+    const Scalar water = body.displaced_mass, about = water * length * length / Scalar(12);
+    body.added_mass << water, water, Scalar(0), about, about, Scalar(0);
+  };
+  const auto length = [](const RigidBody<Scalar>& body) {  // of a cuboid, from its inertia
+    return std::sqrt(Scalar(6) / body.mass *
+                     (body.inertia(0, 0) + body.inertia(1, 1) - body.inertia(2, 2)));
+  };
+  for (std::size_t i = 0; i < 6; ++i) add_water(links[i], length(links[i]));
+  // Link 7 and the gripper, a cuboid of 0.2 m, as one body at their common centre.
+  const RigidBody<Scalar> palm = links[6];
+  const Scalar side = static_cast<Scalar>(0.1), size = Scalar(2) * side;
+  RigidBody<Scalar> hand = cuboid<Scalar>(static_cast<Scalar>(4.59), {side, side, size});
+  hand.displaced_mass = static_cast<Scalar>(3.57);
+  const Scalar apart = side + length(palm) / Scalar(2);  // centre to centre, along z of ⟨b⟩
+  RigidBody<Scalar>& both = links[6];
+  both.mass = palm.mass + hand.mass;
+  both.displaced_mass = palm.displaced_mass + hand.displaced_mass;
+  const Scalar centre = hand.mass / both.mass * apart;  // from the palm's
+  const Scalar steiner = palm.mass * hand.mass / both.mass * apart * apart;
+  both.inertia += hand.inertia;
+  both.inertia(0, 0) += steiner;
+  both.inertia(1, 1) += steiner;
+  both.pose.translation().z() += centre;
+  both.centre_of_buoyancy.z() = hand.displaced_mass / both.displaced_mass * apart - centre;
+  add_water(both, size + length(palm));
+  return links;
+}
+
 /// A pipe of the trials [MARIS, VI-A], along x of ⟨o⟩: 1 m, 5 cm radius, as published. Ours: PVC of
 /// 3 mm, open at its ends, so that it sinks. Across its axis it takes the water in it along, and
 /// as much again outside; a cylinder's drag coefficient is 1.1.

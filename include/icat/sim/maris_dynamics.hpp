@@ -8,14 +8,23 @@
 
 namespace icat {
 
-/// The robot of [Coop, V-B]; or one with another vehicle, such as `r2_vehicle_body` of [MARIS].
+/// The robot of [Coop, V-B].
 template <class Scalar>
-typename VehicleManipulatorDynamics<Scalar, 7>::Description maris_dynamics(
-    const RigidBody<Scalar>& vehicle = maris_vehicle_body<Scalar>()) {
+typename VehicleManipulatorDynamics<Scalar, 7>::Description maris_dynamics() {
   return {.arm = maris_arm<Scalar>(),
           .arm_mount = maris_arm_mount<Scalar>(),
-          .vehicle = vehicle,
+          .vehicle = maris_vehicle_body<Scalar>(),
           .links = maris_link_bodies<Scalar>()};
+}
+
+/// The robot of the trials [MARIS]: R2, the arm, the gripper.
+/// @param mass  of the vehicle, kg
+template <class Scalar>
+typename VehicleManipulatorDynamics<Scalar, 7>::Description r2_dynamics(Scalar mass = Scalar(400)) {
+  return {.arm = maris_arm<Scalar>(),
+          .arm_mount = maris_arm_mount<Scalar>(),
+          .vehicle = r2_vehicle_body<Scalar>(mass),
+          .links = r2_link_bodies<Scalar>()};
 }
 
 }  // namespace icat
