@@ -137,11 +137,11 @@ inline StepResult run(const Step& setup) {
       continue;
     }
     //! [loop]
-    const icat::Status status = loop.step(
-        t, {.reference = reference,
-            .velocity = velocity,
-            .attitude = rig.attitude(),
-            .current = setup.current_told ? current : Vector3(Vector3::Zero())});
+    const icat::Status status =
+        loop.step(t, {.reference = reference,
+                      .velocity = velocity,
+                      .attitude = rig.attitude(),
+                      .current = setup.current_told ? current : Vector3(Vector3::Zero())});
     const Vector6 achieved = rig.push(loop.wrench(), result.status);
     if (setup.anti_windup) Rig::keep(result.status, loop.achieved(achieved));
     //! [loop]
@@ -154,8 +154,7 @@ inline StepResult run(const Step& setup) {
 
 /// RMS of the velocity along x and y, m/s, in the second minute and in the third, in which the
 /// vehicle keeps its place. White noise of `noise` m/s on the velocity that it is told.
-inline std::array<double, 2> station_keeping(double dead_zone, double noise,
-                                             icat::Status& status) {
+inline std::array<double, 2> station_keeping(double dead_zone, double noise, icat::Status& status) {
   Rig rig(400, Vector3::Zero(), {.dead_zone = dead_zone});
   icat::VehicleLoop<double> loop(icat::r2_vehicle_body<double>(), bandwidth());
   std::mt19937 random(1);

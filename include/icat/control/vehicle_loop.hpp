@@ -51,9 +51,9 @@ class VehicleLoop {
 
   /// Of one cycle.
   struct Input {
-    Vector6 reference;        ///< r, of ⟨v⟩ over the ground, components on ⟨v⟩: m/s, rad/s
-    Vector6 velocity;         ///< v, the same as measured; all six
-    Matrix3<Scalar> attitude; ///< R, ⟨v⟩ in ⟨0⟩, z down
+    Vector6 reference;         ///< r, of ⟨v⟩ over the ground, components on ⟨v⟩: m/s, rad/s
+    Vector6 velocity;          ///< v, the same as measured; all six
+    Matrix3<Scalar> attitude;  ///< R, ⟨v⟩ in ⟨0⟩, z down
     Vector3<Scalar> current = Filled{0};  ///< ĉ, of the water over the ground, on ⟨0⟩, m/s
   };
 

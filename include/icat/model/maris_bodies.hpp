@@ -74,7 +74,8 @@ RigidBody<Scalar> maris_pipe_body() {
 /// faces of 1 m²; of this box, with faces A and sides s,
 ///
 ///     along an axis   added mass ∝ A³ᐟ² of the face that the axis pierces, drag ∝ A
-///     about an axis   added mass and drag ∝ s₁ s₂ s₃ (s² + s²)/2 of the two other sides, as inertia
+///     about an axis   added mass and drag ∝ s₁ s₂ s₃ (s² + s²)/2 of the two other sides, as
+///     inertia
 /// @param mass  kg; published are 350 to 500
 template <class Scalar>
 RigidBody<Scalar> r2_vehicle_body(Scalar mass = Scalar(400)) {
