@@ -11,6 +11,7 @@
 #include <icat/model/maris_bodies.hpp>
 #include <icat/sim/hydrodynamic_plant.hpp>
 #include <icat/sim/thruster.hpp>
+#include <numbers>
 #include <random>
 #include <vector>
 
@@ -148,6 +149,30 @@ inline StepResult run(const Step& setup) {
     Rig::keep(result.status, status);
   }
   return result;
+}
+
+// --- turning on the spot -------------------------------------------------------------------------
+
+/// How far a vehicle that turns once round on the spot in 30 s is from where it was, m, each
+/// control period: the current comes from all sides in turn.
+inline std::vector<double> turn(double current, bool told, icat::Status& status) {
+  const Vector3 water(current, 0, 0);
+  Rig rig(400, water, {});
+  icat::VehicleLoop<double> loop(icat::r2_vehicle_body<double>(), bandwidth());
+  Vector3 begin = Vector3::Zero();
+  std::vector<double> off;
+  for (int k = -2000; k < 4000; ++k) {
+    Vector6 reference = Vector6::Zero();
+    reference(5) = k >= 0 && k < 3000 ? 2 * std::numbers::pi / 30 : 0;
+    if (k == 0) begin = rig.position();
+    if (k >= 0) off.push_back((rig.position() - begin).head<2>().norm());
+    Rig::keep(status, loop.step(rig.time(), {.reference = reference,
+                                             .velocity = rig.velocity(),
+                                             .attitude = rig.attitude(),
+                                             .current = told ? water : Vector3(Vector3::Zero())}));
+    Rig::keep(status, loop.achieved(rig.push(loop.wrench(), status)));
+  }
+  return off;
 }
 
 // --- keeping a place -----------------------------------------------------------------------------

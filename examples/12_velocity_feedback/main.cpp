@@ -3,6 +3,7 @@
 // feedback, without and with a low-pass at 50 rad/s; the sweep of the cut-off; and how much of it
 // the arm does to the vehicle.
 #include <cstdio>
+#include <string>
 
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
@@ -19,20 +20,12 @@ void print(const char* name, const Result& r) {
               icat::describe(r.status));
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  const auto arguments =
-      support::parse(argc, argv, "Noise of the vehicle's velocity, and the filter against it.",
-                     "out/12_velocity_feedback");
-  support::Csv run(arguments.output, "run.csv", "t,filtered,u,v,w,p,q,r,q1,q2,q3,q4,q5,q6,q7");
-  support::Csv sweep(arguments.output, "sweep.csv",
+/// The table, and what the picture is drawn from; `none` and `fifty` without and with the filter.
+bool sweep_cutoffs(const std::string& folder, Result& none, Result& fifty) {
+  support::Csv run(folder, "run.csv", "t,filtered,u,v,w,p,q,r,q1,q2,q3,q4,q5,q6,q7");
+  support::Csv sweep(folder, "sweep.csv",
                      "cutoff,reference,acceleration,rate,position,orientation,tool_speed");
-  std::printf(
-      "RMS                       joints    vehicle    vehicle     tool     tool      tool\n"
-      "                           rad/s     rad/s^2      rad/s       mm      rad      mm/s\n");
   bool ok = true;
-  Result none, fifty;
   for (const double cutoff : {5.0, 10.0, 20.0, 50.0, 100.0, 200.0, feedback::unfiltered}) {
     Result r = feedback::run({.cutoff = cutoff});
     char name[32];
@@ -44,10 +37,24 @@ int main(int argc, char** argv) {
                r.tool_speed});
     if (!open && cutoff != 50) continue;
     for (const auto& s : r.samples) {
-      if (s.t >= 10 && s.t < 13) run.row(s.t, open ? 0 : 1, s.feedback, s.reference);
+      if (s.t >= 10 && s.t < 12) run.row(s.t, open ? 0 : 1, s.feedback, s.reference);
     }
     (open ? none : fifty) = std::move(r);
   }
+  return ok;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const auto arguments =
+      support::parse(argc, argv, "Noise of the vehicle's velocity, and the filter against it.",
+                     "out/12_velocity_feedback");
+  std::printf(
+      "RMS                       joints    vehicle    vehicle     tool     tool      tool\n"
+      "                           rad/s     rad/s^2      rad/s       mm      rad      mm/s\n");
+  Result none, fifty;
+  const bool ok = sweep_cutoffs(arguments.output, none, fifty);
   const Result alone = feedback::run({.reaction = false});
   const Result alone_fifty = feedback::run({.cutoff = 50, .reaction = false});
   const Result quiet = feedback::run({.noise = false});

@@ -7,15 +7,16 @@ run = folder.'/run.csv'
 sweep = folder.'/sweep.csv'
 array colour[7] = ['#1f77b4', '#ff7f0e', '#2ca02c', '#d62728', '#9467bd', '#8c564b', '#17becf']
 array component[6] = ['surge', 'sway', 'heave', 'roll', 'pitch', 'yaw']
-set terminal pngcairo size 1300,680 font 'sans,10' background 'white'
+set terminal png size 1100,560 font 'sans,9'
 set output folder.'/feedback.png'
 set multiplot layout 2,3 columnsfirst margins 0.05,0.985,0.08,0.94 spacing 0.055,0.13
-set xrange [10:13]
+set xrange [10:12]
+set xtics 0.5
 set xlabel 't (s)' offset 0,0.5
 set key opaque samplen 1 height 0.3
 do for [f=0:1] {
   set yrange [-0.32:0.42]
-  set key top right horizontal maxcols 6
+  set key top right horizontal maxcols 6 noopaque
   set title f == 0 ? 'feedback, no filter (m/s, rad/s)' : 'feedback, filter 50 rad/s (m/s, rad/s)'
   plot for [i=6:1:-1] run using 1:($2==f ? column(2+i) : NaN) with lines lw 1 lc rgb colour[i] title component[i]
   set yrange [-0.7:0.7]
