@@ -54,6 +54,31 @@ TEST(VehicleLoop, TheFeedForwardIsTheWholeModel) {
   EXPECT_NEAR(fine / coarse, 0.5, 0.1);  // of first order in dt, and nothing else
 }
 
+TEST(VehicleLoop, AsInTheDocs) {
+  const Vector6 reference(icat::Filled{0.1}), velocity(icat::Filled{0.0});
+  const icat::Matrix3<double> attitude = icat::IdentityMatrix{};
+  const Vector3 current(0.1, 0, 0);
+  const double time = 0;
+  //! [loop]
+  Vector6 bandwidth;
+  bandwidth << 1, 1, 1, 0, 0, 2;  // rad/s; roll and pitch are not actuated
+  icat::VehicleLoop<double> loop(icat::r2_vehicle_body<double>(), bandwidth);
+  icat::ThrusterAllocation<double, 8> thrusters(icat::r2_thrusters<double>());
+
+  icat::Status status = loop.step(time, {.reference = reference,  // in each cycle
+                                         .velocity = velocity,
+                                         .attitude = attitude,
+                                         .current = current});
+  const icat::Status allocation = thrusters.allocate(loop.wrench());
+  const icat::Status told = loop.achieved(thrusters.achieved());
+  //! [loop]
+  EXPECT_EQ(status, Status::ok);
+  EXPECT_EQ(allocation, Status::ok);
+  EXPECT_EQ(told, Status::ok);
+  EXPECT_EQ(loop.wrench()(3), 0);
+  EXPECT_GT(thrusters.achieved()(0), 0);
+}
+
 // --- a step of the surge velocity, [MARIS, Fig. 14] ---------------------------------------------
 
 TEST(VehicleLoop, AStepInACurrentSettlesWithoutOvershoot) {
@@ -89,6 +114,28 @@ TEST(VehicleLoop, APayloadShowsUntilTheLoopIsTold) {
     const auto bare_heavy = r2::run({.current = current, .mass = 520, .feed_forward = false});
     EXPECT_GT(bare_heavy.overshoot, bare.overshoot + 0.01);
   }
+}
+
+// While it runs: gains and feed-forward are those of the new body, what it had learnt stays.
+TEST(VehicleLoop, ABodyChangesWhileItRuns) {
+  const auto heavy = icat::r2_vehicle_body(520.0);
+  icat::VehicleLoop<double> changed(icat::r2_vehicle_body<double>(), r2::bandwidth());
+  icat::VehicleLoop<double> built(heavy, r2::bandwidth());
+  changed.set_body(heavy);
+  const Vector6 velocity(icat::Filled{0.0}), reference(icat::Filled{0.2});
+  for (int k = 0; k < 200; ++k) {
+    for (auto* loop : {&changed, &built}) {
+      ASSERT_EQ(loop->step(0.01 * k, {.reference = reference,
+                                      .velocity = velocity,
+                                      .attitude = icat::IdentityMatrix{}}),
+                Status::ok);
+    }
+    ASSERT_EQ(changed.wrench(), built.wrench());
+  }
+  const Vector6 integral = built.integral(), model = built.model_velocity();
+  built.set_body(icat::r2_vehicle_body(350.0));
+  EXPECT_EQ(built.integral(), integral);
+  EXPECT_EQ(built.model_velocity(), model);
 }
 
 // A step that the thrusters cannot follow.

@@ -137,7 +137,6 @@ inline StepResult run(const Step& setup) {
       (void)rig.push(pi.output(), result.status);
       continue;
     }
-    //! [loop]
     const icat::Status status =
         loop.step(t, {.reference = reference,
                       .velocity = velocity,
@@ -145,7 +144,6 @@ inline StepResult run(const Step& setup) {
                       .current = setup.current_told ? current : Vector3(Vector3::Zero())});
     const Vector6 achieved = rig.push(loop.wrench(), result.status);
     if (setup.anti_windup) Rig::keep(result.status, loop.achieved(achieved));
-    //! [loop]
     Rig::keep(result.status, status);
   }
   return result;

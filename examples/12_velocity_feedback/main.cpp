@@ -26,7 +26,7 @@ bool sweep_cutoffs(const std::string& folder, Result& none, Result& fifty) {
   support::Csv sweep(folder, "sweep.csv",
                      "cutoff,reference,acceleration,rate,position,orientation,tool_speed");
   bool ok = true;
-  for (const double cutoff : {5.0, 10.0, 20.0, 50.0, 100.0, 200.0, feedback::unfiltered}) {
+  for (const double cutoff : {2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, feedback::unfiltered}) {
     Result r = feedback::run({.cutoff = cutoff});
     char name[32];
     std::snprintf(name, sizeof name, "filter %g rad/s", cutoff);
@@ -57,10 +57,14 @@ int main(int argc, char** argv) {
   const bool ok = sweep_cutoffs(arguments.output, none, fifty);
   const Result alone = feedback::run({.reaction = false});
   const Result alone_fifty = feedback::run({.cutoff = 50, .reaction = false});
+  const Result heavy = feedback::run({.arm = 2}),
+               heavy_fifty = feedback::run({.cutoff = 50, .arm = 2});
   const Result quiet = feedback::run({.noise = false});
   print("no reaction, no filter", alone);
   print("no reaction, 50 rad/s", alone_fifty);
   print("no noise, no filter", quiet);
+  print("arm twice, no filter", heavy);
+  print("arm twice, 50 rad/s", heavy_fifty);
 
   const double dt = feedback::plant_dt * feedback::feedback_every;
   const double alpha = 1 - std::exp(-50 * dt), k = feedback::loop_gain();
@@ -80,6 +84,7 @@ int main(int argc, char** argv) {
       fifty.reference / alone_fifty.reference, k, 1 / (1 - k));
   std::printf("Noise that the arm follows leaves the tool off by %.4f rad, whatever the filter.\n",
               feedback::angular_noise * std::sqrt(3 * dt / (2 * feedback::tool_gain)));
+  std::printf("With an arm twice as heavy the gain is %.2f.\n", feedback::loop_gain(2));
   if (arguments.pictures) support::draw(arguments.output);
   return ok && none.reference > 3 * fifty.reference ? 0 : 1;
 }

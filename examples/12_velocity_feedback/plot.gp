@@ -23,9 +23,9 @@ do for [f=0:1] {
   set title f == 0 ? 'joint references, no filter (rad/s)' : 'joint references, filter 50 rad/s (rad/s)'
   plot for [i=1:7] run using 1:($2==f ? column(8+i) : NaN) with lines lw 1 lc rgb colour[i] notitle
 }
-set xrange [4:1300]
+set xrange [1.6:1300]
 set logscale xy
-set xtics ('5' 5, '10' 10, '20' 20, '50' 50, '100' 100, '200' 200, 'none' 1000)
+set xtics ('2' 2, '5' 5, '10' 10, '20' 20, '50' 50, '100' 100, '200' 200, 'none' 1000)
 set xlabel 'cut-off of the filter (rad/s)' offset 0,0.5
 set key top left vertical maxcols 1
 set yrange [0.01:10]
@@ -33,7 +33,7 @@ set title 'RMS: what shakes'
 plot sweep using 1:3 with linespoints pt 7 lw 2 lc rgb '#d62728' title 'vehicle, roll and pitch (rad/s²)', \
   sweep using 1:2 with linespoints pt 7 lw 2 lc rgb '#1f77b4' title 'joint references (rad/s)', \
   sweep using 1:7 with linespoints pt 7 lw 2 lc rgb '#2ca02c' title 'tool (m/s)'
-set yrange [1:200]
+set yrange [1:100]
 set key top right
 set title 'RMS: what wanders'
 plot sweep using 1:(1e3*$5) with linespoints pt 7 lw 2 lc rgb '#9467bd' title 'tool off its goal (mm)', \

@@ -14,9 +14,11 @@
 #include <icat/sim/hydrodynamic_plant.hpp>
 #include <icat/sim/maris_dynamics.hpp>
 #include <icat/sim/thruster.hpp>
+#include <icat/task/column_tasks.hpp>
 #include <icat/task/frame_tasks.hpp>
 #include <icat/task/joint_tasks.hpp>
 #include <limits>
+#include <numbers>
 #include <random>
 #include <vector>
 
@@ -47,6 +49,7 @@ struct Variant {
   double cutoff = unfiltered;  ///< of the low-pass on the feedback, rad/s
   bool noise = true;           ///< on the feedback
   bool reaction = true;        ///< the arm's motion moves the vehicle
+  double arm = 1;              ///< times as heavy as it is, gripper included
   unsigned seed = 1;
 };
 
@@ -78,12 +81,18 @@ inline Joints start() {
 inline Robot make_robot() {
   return icat::uvms(icat::maris_arm<double>(), {.arm = icat::maris_arm_mount<double>()});
 }
-inline Plant make_plant() { return Plant(icat::r2_dynamics<double>(), {.q = start()}); }
+inline Plant make_plant(double arm) {
+  auto description = icat::r2_dynamics<double>();
+  for (auto& link : description.links) {
+    link.mass *= arm, link.inertia *= arm, link.added_mass *= arm, link.displaced_mass *= arm;
+  }
+  return Plant(description, {.q = start()});
+}
 
 /// What the arm makes the vehicle do when it makes up for a motion of the vehicle, as a share of
 /// that motion: the largest eigenvalue of −M_vv⁻¹ M_vq P, P = −J_q^+ J_v, by power iteration.
-inline double loop_gain() {
-  const Plant plant = make_plant();
+inline double loop_gain(double arm = 1) {
+  const Plant plant = make_plant(arm);
   const Plant::Dynamics& dynamics = plant.dynamics();
   const auto hand = dynamics.hand(icat::Pose<double>::Identity());
   icat::Matrix6<double> JJ, M;
@@ -94,8 +103,8 @@ inline double loop_gain() {
       M(i, j) = dynamics.mass_matrix()(7 + i, 7 + j);
     }
   }
-  icat::detail::Cholesky<double, 6> arm, vehicle;
-  if (!arm.compute(JJ) || !vehicle.compute(M)) return 0;
+  icat::detail::Cholesky<double, 6> joints, vehicle;
+  if (!joints.compute(JJ) || !vehicle.compute(M)) return 0;
   Vector6 v = icat::Filled{1};
   double gain = 0;
   for (int n = 0; n < 200; ++n) {
@@ -103,7 +112,7 @@ inline double loop_gain() {
     for (int i = 0; i < 6; ++i) {
       for (int j = 0; j < 6; ++j) x(i) += hand.jacobian(i, 7 + j) * v(j);
     }
-    arm.solve(x);
+    joints.solve(x);
     for (int k = 0; k < 7; ++k) {
       double speed = 0;  // of joint k
       for (int i = 0; i < 6; ++i) speed -= hand.jacobian(i, k) * x(i);
@@ -116,6 +125,14 @@ inline double loop_gain() {
   return gain;
 }
 
+/// The water sways along x: velocity, m/s, and way since 0, m. All bodies weigh what they displace,
+/// to 1 %, so that they are carried along, and the dynamics are those in still water with ⟨0⟩
+/// swaying too.
+inline double current(double t) { return 0.05 * std::sin(2 * std::numbers::pi * t / 10); }
+inline double carried(double t) {
+  return 0.05 * 10 / (2 * std::numbers::pi) * (1 - std::cos(2 * std::numbers::pi * t / 10));
+}
+
 /// Robot, controllers and plant of one run.
 class Simulation {
  public:
@@ -123,10 +140,13 @@ class Simulation {
       : variant_(variant),
         robot_(make_robot()),
         tool_(robot_.frame("tool")),
-        plant_(make_plant()),
+        plant_(make_plant(variant.arm)),
         limits_(robot_, {.margin = 0.1}),
         hold_(robot_, tool_, goal(), {.gain = tool_gain}),
-        controller_(robot_, {{"hold", {{limits_}, {hold_}}}},
+        // Without this level TPIK 1 shares the work between arm and vehicle, whose slow loop then
+        // answers rolling with sway, late: a swinging of its own that builds up in minutes.
+        still_(robot_, robot_.base_columns()),
+        controller_(robot_, {{"hold", {{limits_}, {hold_}, {still_}}}},
                     {.given = icat::ColumnRange{robot_.base_columns().first + 3, 2},  // roll, pitch
                      .solver = {.bounds = speeds()}}),
         filter_(variant.cutoff == unfiltered ? 0 : 1 / variant.cutoff),
@@ -144,10 +164,16 @@ class Simulation {
     keep(controller_.start("hold", 0));
     const int steps = static_cast<int>(std::lround(duration / plant_dt));
     for (int k = 0; k < steps && result_.status == icat::Status::ok; ++k) {
-      arriving_[static_cast<std::size_t>(k) % arriving_.size()] = plant_.vehicle_velocity();
-      if (k % feedback_every == 0) control(k, k * plant_dt);
+      const double t = k * plant_dt;
+      vehicle_now_ = plant_.vehicle();
+      vehicle_now_.translation().x() += carried(t);
+      Vector6& velocity = arriving_[static_cast<std::size_t>(k) % arriving_.size()];
+      velocity = plant_.vehicle_velocity();
+      for (int i = 0; i < 3; ++i) velocity(i) += vehicle_now_.linear()(0, i) * current(t);
+      velocity_now_ = velocity;
+      if (k % feedback_every == 0) control(k, t);
       move();
-      if (k % feedback_every == 0 && k * plant_dt >= settled) measure();
+      if (k % feedback_every == 0 && t >= settled) measure();
     }
     for (double* sum : {&result_.reference, &result_.acceleration, &result_.rate, &result_.position,
                         &result_.orientation, &result_.tool_speed}) {
@@ -193,7 +219,7 @@ class Simulation {
     for (int i = 0; i < 6 && variant_.noise; ++i) {
       feedback(i) += (i < 3 ? linear_noise : angular_noise) * normal_(random_);
     }
-    keep(robot_.update(q_, plant_.vehicle()));
+    keep(robot_.update(q_, vehicle_now_));
     //! [filter]
     keep(filter_.update(feedback, 0.002));  // icat::LowPass<double, 6>, time constant 1/ω
     const Vector6 measured = filter_.value();
@@ -204,7 +230,7 @@ class Simulation {
     if (k % vehicle_every == 0) {
       keep(vehicle_.step(t, {.reference = controller_.command().tail<6>(),
                              .velocity = measured,
-                             .attitude = plant_.vehicle().linear()}));
+                             .attitude = vehicle_now_.linear()}));
       keep(allocation_.allocate(vehicle_.wrench()));
       keep(vehicle_.achieved(allocation_.achieved()));
     }
@@ -242,8 +268,8 @@ class Simulation {
 
   void measure() {
     ++counted_;
-    Vector13 velocity = plant_.velocity();
-    velocity.head<7>() = speed_;
+    Vector13 velocity;
+    velocity << speed_, velocity_now_;
     double linear = 0;
     for (int i = 0; i < 3; ++i) {
       double v = 0;
@@ -266,6 +292,7 @@ class Simulation {
   Plant plant_;
   icat::task::JointLimits<Robot> limits_;
   icat::task::FramePose<Robot> hold_;
+  icat::task::Minimality<Robot> still_;
   icat::ParallelController<Robot> controller_;
   icat::LowPass<double, 6> filter_;
   icat::VehicleLoop<double> vehicle_;
@@ -273,6 +300,8 @@ class Simulation {
   std::vector<icat::ThrusterModel<double>> thrusters_;
   Joints inertia_;
   icat::PiLoop<double, 7> drives_, held_;
+  icat::Pose<double> vehicle_now_;  // over the ground
+  Vector6 velocity_now_;
   std::vector<Vector6> arriving_;
   std::mt19937 random_;
   std::normal_distribution<double> normal_;
