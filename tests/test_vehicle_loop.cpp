@@ -81,8 +81,12 @@ TEST(VehicleLoop, AsInTheDocs) {
 
 // --- a step of the surge velocity, [MARIS, Fig. 14] ---------------------------------------------
 
+// From behind, and from ahead.
+const std::vector<double> currents =
+    sanitized ? std::vector<double>{0.1} : std::vector<double>{0.1, -0.1};
+
 TEST(VehicleLoop, AStepInACurrentSettlesWithoutOvershoot) {
-  for (const double current : {0.1, -0.1}) {
+  for (const double current : currents) {
     const auto whole = r2::run({.current = current});
     ASSERT_EQ(whole.status, Status::ok);
     EXPECT_LT(whole.settled, 5);
@@ -99,7 +103,7 @@ TEST(VehicleLoop, AStepInACurrentSettlesWithoutOvershoot) {
 }
 
 TEST(VehicleLoop, APayloadShowsUntilTheLoopIsTold) {
-  for (const double current : {0.1, -0.1}) {
+  for (const double current : currents) {
     const auto light = r2::run({.current = current});
     const auto heavy = r2::run({.current = current, .mass = 520});
     const auto told = r2::run({.current = current, .mass = 520, .model_mass = 520});
@@ -140,12 +144,13 @@ TEST(VehicleLoop, ABodyChangesWhileItRuns) {
 
 // A step that the thrusters cannot follow.
 TEST(VehicleLoop, SaturationDoesNotWindItUp) {
-  for (const double current : {0.1, -0.1}) {
+  for (const double current : currents) {
     const auto told = r2::run({.speed = 0.5, .current = current});
     const auto winds = r2::run({.speed = 0.5, .current = current, .anti_windup = false});
     ASSERT_EQ(told.status, Status::ok);
     EXPECT_LT(told.overshoot, 0.005);
     EXPECT_GT(winds.overshoot, 0.05);
+    if (sanitized) continue;
     // Out of reach for 10 s, then back to 0: at once.
     const auto back = r2::run({.speed = 0.9, .current = current, .back = 10});
     const auto late = r2::run({.speed = 0.9, .current = current, .anti_windup = false, .back = 10});
@@ -360,8 +365,6 @@ TEST(R2, HeeledItSwingsBack) {
     }
     ASSERT_GE(crossings.size(), 3u);
     EXPECT_NEAR(crossings[2] - crossings[0], expected, 0.01 * expected) << axis;
-    EXPECT_GT(expected, 2);  // s: a vehicle, not a toy
-    EXPECT_LT(expected, 8);
   }
 }
 
@@ -376,9 +379,6 @@ TEST(R2, Bodies) {
     EXPECT_NEAR(body.quadratic_drag(2), 430 * 1.3 * 0.9, 1e-9);
     EXPECT_NEAR(body.inertia(2, 2), mass / 12 * (1.3 * 1.3 + 0.9 * 0.9), 1e-9);
   }
-  // A vehicle of 1 m³ scaled to itself.
-  const auto cube = icat::maris_vehicle_body<double>();
-  EXPECT_NEAR(cube.added_mass(0), 158.4, 1e-12);
   // The gripper weighs 4.5 daN in air and 1 daN in water [MARIS, II-C]; all bodies are accepted.
   const auto links = icat::r2_link_bodies<double>();
   const auto bare = icat::maris_link_bodies<double>();
