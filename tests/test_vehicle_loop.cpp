@@ -60,7 +60,7 @@ TEST(VehicleLoop, AsInTheDocs) {
   const Vector3 current(0.1, 0, 0);
   const double time = 0;
   //! [loop]
-  Vector6 bandwidth;
+  icat::Vector6<double> bandwidth;
   bandwidth << 1, 1, 1, 0, 0, 2;  // rad/s; roll and pitch are not actuated
   icat::VehicleLoop<double> loop(icat::r2_vehicle_body<double>(), bandwidth);
   icat::ThrusterAllocation<double, 8> thrusters(icat::r2_thrusters<double>());
