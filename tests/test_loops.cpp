@@ -109,6 +109,21 @@ TYPED_TEST(Loops, TheIntegralDoesNotWindUp) {
   EXPECT_LT(loop.integral()(0), S(0));
 }
 
+// Other gains take over where the loop is; bad ones change nothing.
+TYPED_TEST(Loops, PiLoopIsRetunedWhileItRuns) {
+  using S = TypeParam;
+  using V = icat::Vector<S, 1>;
+  icat::PiLoop<S, 1> loop(icat::PiLoop<S, 1>::tuned(V(S(1)), V(S(1))));
+  ASSERT_EQ(loop.update(V(S(1)), V(S(0)), V(S(0)), S(0.5)), icat::Status::ok);
+  EXPECT_EQ(loop.integral()(0), S(0.5));
+  loop.retune(icat::PiLoop<S, 1>::tuned(V(S(2)), V(S(1))));
+  EXPECT_EQ(loop.integral()(0), S(0.5));
+  EXPECT_EQ(loop.output()(0), S(2));
+  EXPECT_THROW(loop.retune({.proportional = V(S(-1))}), std::invalid_argument);
+  ASSERT_EQ(loop.update(V(S(1)), V(S(0)), V(S(0)), S(0.5)), icat::Status::ok);
+  EXPECT_EQ(loop.output()(0), S(4.5));
+}
+
 TYPED_TEST(Loops, PiLoopRefusesWhatIsNotFinite) {
   using S = TypeParam;
   using V = icat::Vector<S, 1>;

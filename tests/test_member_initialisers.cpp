@@ -7,12 +7,13 @@
 #include <icat/control/low_pass.hpp>
 #include <icat/control/pi_loop.hpp>
 #include <icat/control/sample_hold.hpp>
+#include <icat/control/vehicle_loop.hpp>
 #include <icat/model/maris.hpp>
 #include <icat/model/uvms.hpp>
 #include <icat/sim/channel.hpp>
 #include <icat/sim/grasped_object_plant.hpp>
 #include <icat/sim/kinematic_plant.hpp>
-#include <icat/sim/maris_bodies.hpp>
+#include <icat/sim/maris_dynamics.hpp>
 #include <icat/tpik/tpik.hpp>
 
 namespace {
@@ -94,6 +95,7 @@ struct Robots {
   icat::HydrodynamicPlant<double, 7> wet{icat::maris_dynamics<double>(), {}};
   icat::RigidBody<double> body{.mass = 2};
   icat::PiLoop<double, 7> loop{{.bound = icat::Filled{3}}};
+  icat::VehicleLoop<double> vehicle{icat::r2_vehicle_body<double>(), icat::Filled{1}};
   icat::LowPass<double, 3> filter{0.5};
   icat::Channel<double> channel{{}};
 };

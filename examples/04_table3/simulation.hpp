@@ -10,7 +10,7 @@
 #include <icat/icat.hpp>
 #include <icat/sim/channel.hpp>
 #include <icat/sim/grasped_object_plant.hpp>
-#include <icat/sim/maris_bodies.hpp>
+#include <icat/sim/maris_dynamics.hpp>
 #include <memory>
 #include <numbers>
 #include <string>

@@ -5,7 +5,7 @@
 #pragma once
 
 #include <icat/sim/grasped_object_plant.hpp>
-#include <icat/sim/maris_bodies.hpp>
+#include <icat/sim/maris_dynamics.hpp>
 
 #include "states.hpp"
 

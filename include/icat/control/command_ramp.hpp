@@ -20,6 +20,12 @@
 
 namespace icat {
 
+/// How old the inputs of a cycle are, s; NaN counts as too old.
+struct InputAge {
+  double state{0};     ///< of the robot
+  double velocity{0};  ///< that was measured
+};
+
 /// What a controller does about time and about input that is missing, late or refused.
 struct TimeOptions {
   double max_step{0.1};  ///< longest period of the loop, s, > 0; see StepClock

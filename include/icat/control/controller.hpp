@@ -28,16 +28,6 @@ double longest_step(const Options& options) noexcept {
   return std::min(options.time.max_step, T);
 }
 
-}  // namespace detail
-
-/// How old the inputs of a cycle are, s; NaN counts as too old.
-struct InputAge {
-  double state{0};     ///< of the robot
-  double velocity{0};  ///< that was measured
-};
-
-namespace detail {
-
 /// The columns of a robot's base; none where there is none.
 template <Robot R>
 ColumnRange base_columns(const R& robot) {

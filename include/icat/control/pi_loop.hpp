@@ -39,7 +39,14 @@ class PiLoop {
   }
 
   /// @throws std::invalid_argument on gains that are not finite and >= 0, or bounds below 0.
-  explicit PiLoop(const Options& options) : options_(options) {
+  explicit PiLoop(const Options& options) {
+    retune(options);
+    reset();
+  }
+
+  /// Other gains and bounds from now on; output and integral stay.
+  /// @throws std::invalid_argument as the constructor, and changes nothing then.
+  void retune(const Options& options) {
     const auto check = [](const char* name, const VectorN& values, bool finite) {
       for (Index i = 0; i < N; ++i) {
         if (!(values(i) >= Scalar(0)) ||
@@ -52,7 +59,7 @@ class PiLoop {
     check("proportional gain", options.proportional, true);
     check("integral gain", options.integral, true);
     check("bound", options.bound, false);
-    reset();
+    options_ = options;
   }
 
   /// u for the next `dt` s, > 0. What is not finite is refused: `output` and the integral stay. No

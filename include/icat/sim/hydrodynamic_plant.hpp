@@ -9,6 +9,10 @@
 ///     (q, ⁰T_v) = (q, ⁰T_v)½ moved by the new ẏ over dt/2
 ///
 /// Poses are moved exactly (`integrate`), so rotations stay rotations.
+///
+/// The water is still. In a current c that is the same everywhere and always, let ⟨0⟩ here drift
+/// with it: nothing in the dynamics changes, and over the ground the vehicle is at t + c time and
+/// moves with v + [Rᵀ c; 0].
 #pragma once
 
 #include "icat/core/status.hpp"

@@ -11,18 +11,20 @@
 /// Body Dynamics Algorithms*, 2008, ch. 5, 6, 9), all in one frame, ⟨v⟩: then nothing has to be
 /// carried from link to link, and the force F_i of a composite body under a unit acceleration of
 /// joint i is at once the column of M that couples this joint with the vehicle. Added mass enters
-/// as inertia that differs with the direction (Kirchhoff), see rigid_body.hpp.
+/// as inertia that differs with the direction (Kirchhoff), see model/rigid_body.hpp.
 #pragma once
 
+#include <array>
 #include <string>
 #include <utility>
 
+#include "icat/model/rigid_body.hpp"
 #include "icat/model/uvms.hpp"
-#include "icat/sim/rigid_body.hpp"
 
 namespace icat {
 
-/// M, c and what a grasp needs to know of the end-effector, for the state given to `update`.
+/// M, c and what a grasp needs to know of the end-effector, for the state given to `update`. With
+/// `ArmDof` 0 the vehicle alone.
 template <class ScalarType, int ArmDof>
 class VehicleManipulatorDynamics {
  public:
@@ -108,9 +110,12 @@ class VehicleManipulatorDynamics {
         composite[i - 1] += composite[i];
       }
     }
-    composite[0] += vehicle_inertia_;
-    mass_.template bottomRightCorner<6, 6>() = composite[0].matrix();
-    base_force += force[0];
+    detail::SpatialInertia<Scalar> whole = vehicle_inertia_;
+    if constexpr (ArmDof > 0) {
+      whole += composite[0];
+      base_force += force[0];
+    }
+    mass_.template bottomRightCorner<6, 6>() = whole.matrix();
     bias_.template tail<6>() = base_force.vector();
     return Status::ok;
   }

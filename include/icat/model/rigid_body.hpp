@@ -10,7 +10,7 @@
 ///     w_weight = [(m − m_d) g; −m_d c_b × g],       m_d the mass of the displaced water
 #pragma once
 
-#include <array>
+#include <cmath>
 
 #include "icat/core/error.hpp"
 #include "icat/math/rigid_motion.hpp"
