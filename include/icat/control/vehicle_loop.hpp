@@ -97,6 +97,7 @@ class VehicleLoop {
   /// rotation, input that is too old. The wrench then stays for `hold`, goes to zero, and comes
   /// back when all is well, from the velocity as it is measured then. No allocation.
   /// @param time  s, any origin, see StepClock
+  /// @param input what is wanted and what is measured
   /// @param age   of attitude (`state`) and `velocity`
   Status step(double time, const Input& input, InputAge age = {}) noexcept {
     Status status = clock_.advance(time);

@@ -14,37 +14,55 @@ namespace icat {
 template <class T>
 class List {
  public:
+  /// Empty.
   List() {}
+  /// `size` elements, each as its default has it.
   [[gnu::noinline]] explicit List(std::size_t size)
       : elements_(new T[size]()), size_(size), room_(size) {}
+  /// `size` times `value`.
   List(std::size_t size, const T& value) : List(size) { fill(value); }
+  /// Copies.
   [[gnu::noinline]] List(const List& other) : List(other.size_) {
     for (std::size_t i = 0; i < size_; ++i) elements_[i] = other.elements_[i];
   }
+  /// Takes over what the other has, and leaves it empty.
   List(List&& other) noexcept : elements_(other.elements_), size_(other.size_), room_(other.room_) {
     other.elements_ = nullptr;
     other.size_ = other.room_ = 0;
   }
+  /// Copies, or takes over.
   [[gnu::noinline]] List& operator=(List other) noexcept {
     swap(other);
     return *this;
   }
   [[gnu::noinline]] ~List() { delete[] elements_; }
 
+  /// Elements.
   std::size_t size() const noexcept { return size_; }
+  /// Element `i` < size().
   T& operator[](std::size_t i) noexcept { return elements_[i]; }
+  /// The same.
   const T& operator[](std::size_t i) const noexcept { return elements_[i]; }
+  /// They are contiguous; null where there never was one.
   T* data() noexcept { return elements_; }
+  /// The same.
   const T* data() const noexcept { return elements_; }
+  /// For ranges.
   T* begin() noexcept { return elements_; }
+  /// The same.
   const T* begin() const noexcept { return elements_; }
+  /// For ranges.
   T* end() noexcept { return elements_ + size_; }
+  /// The same.
   const T* end() const noexcept { return elements_ + size_; }
 
+  /// All become `value`.
   void fill(const T& value) noexcept {
     for (std::size_t i = 0; i < size_; ++i) elements_[i] = value;
   }
+  /// Keeps its memory.
   void clear() noexcept { size_ = 0; }
+  /// One more at the end.
   [[gnu::noinline]] void push_back(T element) {
     if (size_ == room_) {
       List larger(2 * size_ + 4);
