@@ -51,7 +51,8 @@ target() {
 }
 
 say "Recording the hierarchies of 01_grasp"
-"$CXX" "${flags[@]}" "$source/record.cpp" -o "$build/record" || fail "record does not build"
+"$CXX" "${flags[@]}" "$source/record.cpp" examples/support/{geometry,recorder,csv}.cpp \
+  -o "$build/record" || fail "record does not build"
 "$build/record" >"$build/generated/recorded.hpp" || fail "record fails"
 "$CXX" "${flags[@]}" "$source/compare.cpp" -o "$build/compare" || fail "compare does not build"
 

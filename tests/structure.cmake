@@ -4,7 +4,7 @@ cmake_minimum_required(VERSION 3.22)
 get_filename_component(include_dir "${CMAKE_CURRENT_LIST_DIR}/../include" ABSOLUTE)
 
 # A folder includes only itself and folders before it; the last two do not know each other.
-set(folders core math tpik model task action control navigation cooperation sim adapters)
+set(folders core math tpik model task action control mission navigation cooperation sim adapters)
 
 set(errors "")
 macro(error)

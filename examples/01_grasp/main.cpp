@@ -51,9 +51,7 @@ void write_csv(const std::string& folder, const grasp::Result& r) {
 void write_scene(const std::string& folder, const grasp::Result& r) {
   support::Strokes strokes(folder, "scene.csv");
   const auto add = [&](double t) {
-    const auto& s = support::sample_at(r.samples, t);
-    strokes.add(support::hull_points(s.vehicle));
-    strokes.add(s.arm);
+    support::draw_robot(strokes, support::sample_at(r.samples, t));
   };
   const double end = r.samples.back().t, arrival = r.phases.size() > 1 ? r.phases[1].second : end;
   add(r.phases[0].second);

@@ -5,8 +5,6 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <icat/icat.hpp>
 #include <icat/sim/kinematic_plant.hpp>
 #include <numbers>
@@ -14,12 +12,13 @@
 #include <vector>
 
 #include "../support/geometry.hpp"
+#include "../support/recorder.hpp"
 #include "../support/uvms.hpp"
 
 namespace grasp {
 
 using support::pose;
-using Robot = icat::KinematicTree<double, 13>;
+using Robot = support::Uvms;
 using Pose = icat::Pose<double>;
 using Vector3 = icat::Vector3<double>;
 using Vector6 = icat::Vector6<double>;
@@ -60,18 +59,12 @@ inline Robot make_robot() {
 
 // --- what is recorded ----------------------------------------------------------------------------
 
-struct Sample {
+struct Sample : support::RobotSample {
   double t;
   std::string action;
-  Eigen::Matrix<double, 13, 1> command;  ///< [q̇; v̄]
-  Vector6 vehicle_velocity;              ///< as it was
-  icat::Vector<double, 7> q;
-  Pose vehicle, tool;
   double position_error, orientation_error;  ///< of the tool, to the goal of the phase
-  double joint_margin;                       ///< to the closest limit, rad
-  double manipulability, centering, attitude, distance, vehicle_position, vehicle_orientation;
+  double distance, vehicle_position, vehicle_orientation;
   std::vector<double> activations;  ///< the largest of each task's rows
-  std::array<Vector3, 9> arm;       ///< its points in the world, from mount to tool
 };
 
 struct Result {
@@ -93,7 +86,8 @@ inline constexpr double maximum_centering = 0.2;
 inline constexpr double maximum_attitude = 0.2;
 inline constexpr double hover_position = 0.12, hover_orientation = 0.1;
 
-inline constexpr double fade = 2.0;  ///< s, duration of the transitions, "a couple of seconds"
+inline constexpr double fade = 2.0;         ///< s, of the transitions, "a couple of seconds"
+inline constexpr double time_limit = 40.0;  ///< s, of a phase
 
 /// Runs the mission with a period of `dt`. Every cycle ends with `observe(robot, controller, t,
 /// vehicle_velocity)`.
@@ -216,15 +210,13 @@ Result run(const Variant& variant, double dt, Observe observe) {
       {"vehicle orientation", "navigate",
        [](const Sample& s) { return s.vehicle_orientation - hover_orientation; }}};
 
+  support::Recorder recorder(robot, tool, tool, camera, pipe_centre, manipulability);
+  Sample s;  // of the present cycle
   const auto measure = [&](double t) {
-    Sample s;
     s.t = t;
     s.action = controller.action();
-    s.command = variant.compensation ? controller.velocity() : whole_body.velocity();
-    s.vehicle_velocity = plant.velocity().tail<6>();
-    s.q = robot.q();
-    s.vehicle = robot.pose(vehicle);
-    s.tool = robot.pose(tool);
+    recorder.record(variant.compensation ? controller.velocity() : whole_body.velocity(),
+                    plant.velocity().tail<6>(), s);
     const Pose goal = s.action == "lift" ? lift_goal() : grasp_goal();
     const auto error = support::distance(goal, s.tool),
                hover = support::distance(hover_goal(), s.vehicle);
@@ -232,30 +224,59 @@ Result run(const Variant& variant, double dt, Observe observe) {
     s.orientation_error = error.orientation;
     s.vehicle_position = hover.position;
     s.vehicle_orientation = hover.orientation;
-    s.joint_margin = support::joint_margin(robot);
-    manipulability.update();
-    s.manipulability = manipulability.value();
-    s.centering = support::angle_from_z(robot.pose(camera), pipe_centre);
-    s.attitude = std::acos(std::clamp(s.vehicle.matrix()(2, 2), -1.0, 1.0));
     s.distance = support::distance(pose(companion, 0, 0, 0), s.vehicle).position;
+    s.activations.clear();
     for (std::size_t i = 0; i < watched.size(); ++i) {
       s.activations.push_back(controller.first().phase_activations()[i] *
                               watched[i]->activation().maxCoeff());
     }
-    s.arm = support::arm_points(robot, tool);
-    return s;
   };
 
-  // The supervisor: a phase ends when its goal is reached, or after a while.
-  const auto enter = [&](const char* action, double t) {
-    result.phases.emplace_back(action, t);
-    const icat::Status status = whole_body.switch_to(action, t, fade);
-    return status == icat::Status::ok ? controller.switch_to(action, t, fade) : status;
+  const auto in_phase = [&] { return s.t - result.phases.back().second; };
+  const auto hovering = [&] {
+    return s.vehicle_position < hover_position && s.vehicle_orientation < hover_orientation;
   };
-  constexpr double time_limit = 40;
-  constexpr double position_tolerance = 5e-4, orientation_tolerance = 5e-4;  // m, rad
-  icat::Status status = enter("navigate", 0);
-  double arrived = -1;  // when the vehicle came to hover; it stays for 3 s before it grasps
+  const auto at_goal = [&] {
+    return s.position_error < 5e-4 && s.orientation_error < 5e-4 && !controller.in_transition();
+  };
+  // In a current the error never settles: hold for 40 s, and close when the tool passes the goal
+  // next.
+  const auto closing = [&] { return at_goal() && (!variant.current || in_phase() > time_limit); };
+  //! [mission]
+  icat::Mission mission({{.name = "navigate",
+                          .action = "navigate",
+                          .fade = fade,
+                          .until = hovering,
+                          .hold = 3,
+                          .then = "grasp",
+                          .time_limit = time_limit,
+                          .on_timeout = "grasp"},
+                         {.name = "grasp",
+                          .action = "grasp",
+                          .fade = fade,
+                          .until = closing,
+                          .then = "lift",
+                          .time_limit = time_limit + 10,
+                          .on_timeout = "lift"},
+                         {.name = "lift",
+                          .action = "lift",
+                          .fade = fade,
+                          .until = at_goal,
+                          .then = "lifted",
+                          .time_limit = time_limit,
+                          .on_timeout = "not lifted"},
+                         {.name = "lifted", .end = icat::PhaseEnd::success},
+                         {.name = "not lifted", .end = icat::PhaseEnd::failure}});
+  mission.check_actions(whole_body);
+  //! [mission]
+  // One mission for both controllers.
+  const auto supervise = [&](double t) {
+    icat::Status status = mission.step(t);
+    if (status == icat::Status::ok) status = mission.drive(whole_body, t);
+    return status == icat::Status::ok ? mission.drive(controller, t) : status;
+  };
+  icat::Status status = supervise(0);
+  result.phases.emplace_back("navigate", 0);
   Eigen::Matrix<double, 13, 1> last = Eigen::Matrix<double, 13, 1>::Zero();
   //! [loop]
   for (int cycle = 0; status == icat::Status::ok; ++cycle) {
@@ -269,7 +290,7 @@ Result run(const Variant& variant, double dt, Observe observe) {
     plant.step(variant.compensation ? controller.command() : whole_body.command(), t, dt);
     //! [loop]
     observe(robot, controller, t, Vector6(plant.velocity().tail<6>()));
-    const Sample s = measure(t);
+    measure(t);
     result.largest_step = std::max(result.largest_step, (s.command - last).norm());
     last = s.command;
     for (Watch& w : watches) {
@@ -281,32 +302,25 @@ Result run(const Variant& variant, double dt, Observe observe) {
     }
     result.samples.push_back(s);
 
-    const double in_phase = t - result.phases.back().second;
-    const bool at_goal = s.position_error < position_tolerance &&
-                         s.orientation_error < orientation_tolerance && !controller.in_transition();
-    const bool hovering =
-        s.vehicle_position < hover_position && s.vehicle_orientation < hover_orientation;
-    if (hovering && arrived < 0) arrived = t;
-    if (s.action == "navigate" && ((arrived >= 0 && t >= arrived + 3) || in_phase > time_limit)) {
-      status = enter("grasp", t);
-    } else if (s.action == "grasp") {
-      // In a current the error never settles: hold for 40 s, judge the last 10 of them, and close
-      // when the tool passes the goal next.
-      if (variant.current && in_phase > time_limit - 10 && in_phase <= time_limit) {
-        result.steady_error = std::max(result.steady_error, s.position_error);
-      }
-      if ((at_goal && (!variant.current || in_phase > time_limit)) || in_phase > time_limit + 10) {
-        result.grasped = at_goal;
-        result.grasp_position_error = s.position_error;
-        result.grasp_orientation_error = s.orientation_error;
-        status = enter("lift", t);
-      }
-    } else if (s.action == "lift" && (at_goal || in_phase > time_limit)) {
-      result.lifted = at_goal;
+    // In a current the last 10 of the 40 s are judged.
+    if (s.action == "grasp" && variant.current && in_phase() > time_limit - 10 &&
+        in_phase() <= time_limit) {
+      result.steady_error = std::max(result.steady_error, s.position_error);
+    }
+    status = supervise(t);
+    if (!mission.entered()) continue;
+    const bool reached = mission.cause() == icat::Cause::condition;
+    if (mission.previous() == "grasp") {
+      result.grasped = reached;
+      result.grasp_position_error = s.position_error;
+      result.grasp_orientation_error = s.orientation_error;
+    } else if (mission.previous() == "lift") {
+      result.lifted = reached;
       result.lift_position_error = s.position_error;
       result.lift_orientation_error = s.orientation_error;
       break;
     }
+    result.phases.emplace_back(mission.action(), t);
   }
   result.status = status;
   for (const Watch& w : watches) {

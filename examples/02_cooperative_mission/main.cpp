@@ -93,10 +93,7 @@ void write_scene(const fs::path& folder, const cooperation::Result& r) {
   support::Strokes strokes(folder, "scene.csv");
   for (const double t : snapshot_times(r)) {
     const auto& s = support::sample_at(r.samples, t);
-    for (const auto& robot : s.robots) {
-      strokes.add(support::hull_points(robot.vehicle));
-      strokes.add(robot.arm);
-    }
+    for (const auto& robot : s.robots) support::draw_robot(strokes, robot);
     const cooperation::Vector3 end(1.7, 0, 0);
     strokes.add({s.object * -end, s.object * end});
   }

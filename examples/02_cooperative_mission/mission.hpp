@@ -14,16 +14,17 @@
 #include <vector>
 
 #include "../support/geometry.hpp"
+#include "../support/recorder.hpp"
 #include "../support/uvms.hpp"
 
 namespace cooperation {
 
 using support::pose;
-using Robot = icat::KinematicTree<double, 13>;
+using Robot = support::Uvms;
 using Pose = icat::Pose<double>;
 using Vector3 = icat::Vector3<double>;
 using Vector6 = icat::Vector6<double>;
-using Command = icat::Vector<double, 13>;
+using support::Command;
 using Objective = icat::Objective<double>;
 
 struct Variant {
@@ -120,7 +121,9 @@ class Side {
         tool_deploy(robot, tool, deployment, with("tool to deployment", work_speed)),
         tool_away(robot, tool, away_goal(side), with("tool to step back", work_speed)),
         still_arm(robot, icat::joint_columns(robot)),
-        still_vehicle(robot, robot.base_columns()) {}
+        still_vehicle(robot, robot.base_columns()),
+        recorder(robot, tool, gripper, camera, (pipe_start * grasp_on_pipe(side)).translation(),
+                 manipulability) {}
 
   //! [actions]
   std::vector<icat::Action<Robot>> actions() {
@@ -178,6 +181,7 @@ class Side {
   icat::task::Attitude<Robot> attitude;
   icat::task::FramePose<Robot> vehicle_pose, tool_grasp, tool_transport, tool_deploy, tool_away;
   icat::task::Minimality<Robot> still_arm, still_vehicle;
+  support::Recorder recorder;
 };
 
 // --- what is recorded ----------------------------------------------------------------------------
@@ -187,16 +191,11 @@ inline const std::array<const char*, 9> task_names{
     "vehicle_distance", "manipulability", "camera_centering", "horizontal_attitude", "vehicle_pose",
     "tool_pose",        "still_arm",      "still_vehicle",    "agreed_velocity"};
 
-struct RobotSample {
-  Command command;           ///< [q̇; v̄]
-  Vector6 vehicle_velocity;  ///< as it was over the cycle before
-  Pose vehicle, tool, gripper;
-  icat::Vector<double, 7> q;
+struct RobotSample : support::RobotSample {
+  Pose gripper;
   Vector6 tool_velocity;  ///< as it is under the command and the current, components on ⟨t⟩
-  double joint_margin, manipulability, attitude, centering;
   std::array<double, 7> limit_activations;
   std::array<double, 9> activations;  ///< as `task_names`; the largest of each task's rows
-  std::array<Vector3, 9> arm;         ///< its points in the world, from mount to gripper
 };
 
 struct Sample {
@@ -264,8 +263,6 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
 
   Result result;
   result.samples.reserve(7000);
-  std::size_t phase = 0;
-  double phase_start = 0;
   bool grasped = false;
   std::size_t exchanged = 0;  // numbers per robot and cycle, centralised
   int event = 0;              // cycles left of the grasp or the release
@@ -274,15 +271,63 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
   const auto check = [&](icat::Status s) {
     if (status == icat::Status::ok) status = s;
   };
-  const auto enter = [&](std::size_t next, double t) {
-    phase = next;
-    phase_start = t;
-    for (auto& agent : agents) check(agent->switch_to(phase_names[phase], t, fade));
-    check(central.switch_to(phase_names[phase], t, fade));
-    const double firm = phase >= 2 && phase <= 4 ? 1 : 0;
+  Sample s;  // of the present cycle
+
+  // A phase ends when both robots are there, or after a while.
+  const double steady = variant.current ? (variant.compensation ? 6 : 100) : 1;
+  const auto at = [&](const Pose& p, const Pose& q) {
+    const auto d = support::distance(p, q);
+    return d.position < 5e-4 * steady && d.orientation < 5e-4 * steady;
+  };
+  const auto both = [](auto condition) { return condition(0) && condition(1); };
+  const auto hovering = [&](std::size_t i) {
+    const auto d = support::distance(hover(i ? 1 : -1), s.robots[i].vehicle);
+    return d.position < hover_position && d.orientation < hover_orientation;
+  };
+  const auto at_pipe = [&](std::size_t i) {
+    return at(s.robots[i].gripper, pipe_start * grasp_on_pipe(i ? 1 : -1));
+  };
+  const auto stepped_back = [&](std::size_t i) {
+    return at(s.robots[i].gripper, sides[i]->tool_away.goal());
+  };
+  icat::Mission* supervisor = nullptr;
+  const auto after = [&](double time) { return supervisor->time_in_phase() > time; };
+  const auto settled = [&] { return after(settle - dt / 2); };
+  //! [mission]
+  const std::array<std::function<bool()>, 7> ends{
+      [&] { return after(fade) && both(hovering); },
+      [&] { return after(fade) && both(at_pipe); },
+      settled,
+      [&] { return after(fade) && at(object, pre_deployment); },
+      [&] { return after(fade) && at(object, deployment); },
+      settled,
+      [&] { return after(fade) && both(stepped_back); }};
+  std::vector<icat::Phase> phases;
+  for (std::size_t k = 0; k < 7; ++k) {
+    const char* next = k < 6 ? phase_names[k + 1] : "done";
+    const double paper = paper_ends[k] - (k > 0 ? paper_ends[k - 1] : 0);
+    phases.push_back({.name = phase_names[k],
+                      .action = phase_names[k],
+                      .fade = fade,
+                      .until = ends[k],
+                      .then = next,
+                      .time_limit = 2 * paper + 3,
+                      .on_timeout = next});
+  }
+  phases.push_back({.name = "done", .end = icat::PhaseEnd::success});
+  icat::Mission mission(phases);
+  //! [mission]
+  supervisor = &mission;
+  // One mission for both robots, as for one controller of both.
+  const auto supervise = [&](double t) {
+    check(mission.step(t));
+    if (!mission.entered() || mission.end() != icat::PhaseEnd::none) return;
+    for (auto& agent : agents) check(mission.drive(*agent, t));
+    check(central.switch_to(mission.action(), t, mission.fade()));
+    const double firm = mission.index() >= 2 && mission.index() <= 4 ? 1 : 0;
     check(firmness.start({&firm, 1}, t, fade));
   };
-  enter(0, 0);
+  supervise(0);
 
   std::array<Command, 2> last{Command::Zero(), Command::Zero()};
   std::array<std::array<Command, 2>, 2> changes;  // the last two Δẏ of either robot
@@ -291,6 +336,7 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
 
   for (int cycle = 0; status == icat::Status::ok; ++cycle) {
     const double t = cycle * dt;
+    const std::size_t phase = mission.index();
     const bool cooperating = phase >= 2 && phase <= 5;
     std::array<Command, 2> command;
 
@@ -319,7 +365,6 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
     //! [cycle]
 
     // Record.
-    Sample s;
     s.t = t;
     s.phase = phase;
     s.grasped = grasped;
@@ -327,23 +372,13 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
     for (std::size_t i = 0; i < 2; ++i) {
       Side& side = *sides[i];
       RobotSample& r = s.robots[i];
-      r.command = command[i];
-      r.vehicle_velocity = side.plant.velocity().tail<6>();
-      r.vehicle = side.robot.pose(side.robot.base());
-      r.tool = side.robot.pose(side.tool);
+      side.recorder.record(command[i], side.plant.velocity().tail<6>(), r);
       r.gripper = side.robot.pose(side.gripper);
-      r.q = side.robot.q();
       Command actual = command[i];
       if (variant.current) {
         actual.segment<3>(7) += r.vehicle.linear().transpose() * support::sinusoidal_current(t);
       }
       r.tool_velocity = support::twist(side.robot, side.tool, actual);
-      r.joint_margin = support::joint_margin(side.robot);
-      side.manipulability.update();
-      r.manipulability = side.manipulability.value();
-      r.attitude = std::acos(std::clamp(r.vehicle.matrix()(2, 2), -1.0, 1.0));
-      const Pose target = pipe_start * grasp_on_pipe(i ? 1 : -1);
-      r.centering = support::angle_from_z(side.robot.pose(side.camera), target.translation());
       r.limit_activations.fill(0);
       r.activations.fill(0);
       const auto& own = agents[i]->own();
@@ -362,15 +397,15 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
               &side.vehicle_distance, &side.manipulability, &side.centering,
               &side.attitude,         &side.vehicle_pose,   nullptr,
               &side.still_arm,        &side.still_vehicle,  nullptr};
-          const auto at = std::find(tasks.begin(), tasks.end(), entry.task);
+          const auto found = std::find(tasks.begin(), tasks.end(), entry.task);
           // What is none of these is one of the tool's.
-          const auto column = at == tasks.end() ? 5u : static_cast<std::size_t>(at - tasks.begin());
+          const auto column =
+              found == tasks.end() ? 5u : static_cast<std::size_t>(found - tasks.begin());
           // Two tool tasks that fade into each other add up.
           r.activations[column] += phase_activation * activation.maxCoeff();
         }
       }
       r.activations[8] = agents[i]->agreement_activation();
-      r.arm = support::arm_points(side.robot, side.gripper);
     }
     if (grasped) {
       object.translation() = (s.robots[0].tool.translation() + s.robots[1].tool.translation()) / 2;
@@ -422,45 +457,10 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
       sides[i]->plant.step(command[i], t, dt);
     }
 
-    // The supervisor: a phase ends when both robots are there, or after a while.
     const double next = (cycle + 1) * dt;
-    const double in_phase = next - phase_start;
-    const bool faded = in_phase > fade;
-    const double steady = variant.current ? (variant.compensation ? 6 : 100) : 1;
-    const double position_tolerance = 5e-4 * steady, orientation_tolerance = 5e-4 * steady;
-    const auto all = [&](auto condition) { return condition(0) && condition(1); };
-    const auto at = [&](const Pose& p, const Pose& q) {
-      const auto d = support::distance(p, q);
-      return d.position < position_tolerance && d.orientation < orientation_tolerance;
-    };
-    bool done = false;
-    switch (phase) {
-      case 0:
-        done = all([&](std::size_t i) {
-          const auto d = support::distance(hover(i ? 1 : -1), s.robots[i].vehicle);
-          return d.position < hover_position && d.orientation < hover_orientation;
-        });
-        break;
-      case 1:
-        done = all([&](std::size_t i) {
-          return at(s.robots[i].gripper, pipe_start * grasp_on_pipe(i ? 1 : -1));
-        });
-        break;
-      case 3:
-      case 4:
-        done = at(object, goal);
-        break;
-      case 6:
-        done =
-            all([&](std::size_t i) { return at(s.robots[i].gripper, sides[i]->tool_away.goal()); });
-        break;
-      default:
-        done = in_phase >= settle;
-        break;
-    }
-    const double limit = 2 * (paper_ends[phase] - (phase > 0 ? paper_ends[phase - 1] : 0)) + 3;
-    const bool late = in_phase > limit;
-    if (!((done && faded) || late)) continue;
+    supervise(next);
+    if (!mission.entered()) continue;
+    const bool late = mission.cause() == icat::Cause::time_limit;
     result.finished = (phase == 0 || result.finished) && !late;
     result.ends.push_back(next);
     if (phase == 3) {
@@ -470,23 +470,23 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
       result.deployment_position = s.position_error;
       result.deployment_orientation = s.orientation_error;
     }
-    if (phase == 6) break;
-    enter(phase + 1, next);
+    if (mission.end() != icat::PhaseEnd::none) break;
     // The tool frames change at the grasp and after the release; the grasp is firm from the moment
     // at which both robots command the same tool velocity.
     for (Side* side : sides) check(side->robot.update(side->plant.q(), side->plant.base()));
-    if (phase == 2 || phase == 3) {
+    const std::size_t entered = mission.index();
+    if (entered == 2 || entered == 3) {
       for (Side* side : sides) check(side->take(object));
     }
-    if (phase == 3) {
+    if (entered == 3) {
       grasped = true;
       tool_b_in_a = a.robot.pose(a.tool).inverse() * b.robot.pose(b.tool);
-    } else if (phase == 5) {
+    } else if (entered == 5) {
       grasped = false;
-    } else if (phase == 6) {
+    } else if (entered == 6) {
       for (Side* side : sides) check(side->leave());
     }
-    if (phase == 2 || phase == 3 || phase == 5 || phase == 6) event = event_cycles;
+    if (entered != 1 && entered != 4) event = event_cycles;
   }
   double sum = 0;
   for (const double e : squared_errors) sum += e;

@@ -37,6 +37,8 @@
 #include "icat/math/rigid_motion.hpp"
 #include "icat/math/smooth_step.hpp"
 #include "icat/math/spatial_algebra.hpp"
+#include "icat/mission/maris_mission.hpp"
+#include "icat/mission/mission.hpp"
 #include "icat/model/base.hpp"
 #include "icat/model/characteristic_length.hpp"
 #include "icat/model/joint.hpp"

@@ -21,6 +21,7 @@ enum class [[nodiscard]] Status{
     unknown_action,           ///< no action of that name or index
     unknown_joint,            ///< no joint or column of that name or index
     unknown_agent,            ///< no other agent of that index
+    unknown_event,            ///< no phase of the mission knows an event of that name
     clock_stalled,            ///< ten stamps in a row did not change
     stale_state,              ///< the robot's state is older than `hold`
     stale_velocity,           ///< the measured velocity is older than `hold`
@@ -62,6 +63,8 @@ constexpr const char* describe(Status status) noexcept {
       return "unknown joint";
     case Status::unknown_agent:
       return "unknown agent";
+    case Status::unknown_event:
+      return "unknown event";
     case Status::clock_stalled:
       return "the time stamps do not change";
     case Status::stale_state:
