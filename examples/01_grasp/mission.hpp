@@ -47,7 +47,7 @@ inline Pose lift_goal() {
 }
 /// Hovering above the pipe and behind it, the arm in its initial shape some 0.4 m short of it.
 inline Pose hover_goal() {
-  return pose(pipe_centre, 0, 0, heading) * pose({-0.65, -0.1, -1.6}, 0, 0, 0);
+  return support::moved(pose(pipe_centre, 0, 0, heading), {-0.65, -0.1, -1.6});
 }
 
 inline Robot make_robot() {

@@ -18,6 +18,12 @@ Pose pose(const Vector3& position, double roll, double pitch, double yaw) {
   return p;
 }
 
+Pose moved(const Pose& p, const Vector3& by) {
+  Pose result = p;
+  result.translation() = p * by;
+  return result;
+}
+
 Pose turned_half(Pose p) {
   for (int j = 0; j < 2; ++j) {
     for (int i = 0; i < 3; ++i) p.matrix()(i, j) *= -1;

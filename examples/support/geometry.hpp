@@ -13,6 +13,8 @@ namespace support {
 /// Turned by yaw about z, then pitch about the new y, then roll about the newest x (rad).
 icat::Pose<double> pose(const icat::Vector3<double>& position, double roll, double pitch,
                         double yaw);
+/// `p` moved by `by`, on its own axes (m).
+icat::Pose<double> moved(const icat::Pose<double>& p, const icat::Vector3<double>& by);
 /// ⟨g⟩ of a gripper that comes from above along z, turned half round against `p`.
 icat::Pose<double> turned_half(icat::Pose<double> p);
 
