@@ -22,8 +22,9 @@ namespace icat {
 
 /// How old the inputs of a cycle are, s; NaN counts as too old.
 struct InputAge {
-  double state{0};     ///< of the robot
+  double state{0};     ///< of the robot, or of its joints where the base's pose has its own
   double velocity{0};  ///< that was measured
+  double pose{0};      ///< of the base
 };
 
 /// What a controller does about time and about input that is missing, late or refused.
@@ -38,7 +39,8 @@ namespace detail {
 /// What has lasted already when it is told: there is no point in holding on.
 constexpr bool is_lasting(Status status) noexcept {
   return status == Status::clock_stalled || status == Status::stale_state ||
-         status == Status::stale_velocity || status == Status::implausible_position;
+         status == Status::stale_pose || status == Status::stale_velocity ||
+         status == Status::stale_reference || status == Status::implausible_position;
 }
 
 /// See the file comment. Construction allocates and throws; nothing else does.

@@ -201,6 +201,7 @@ class Controller {
   Status check(const Velocity* measured, const InputAge& age) noexcept {
     if (solver_.clock().stalled()) return Status::clock_stalled;
     if (!(age.state <= hold_)) return Status::stale_state;
+    if (!(age.pose <= hold_)) return Status::stale_pose;
     implausible_ = limits_.implausible_joint(solver_.robot());
     if (implausible_ >= 0) return Status::implausible_position;
     if (measured && measured->size() != measured_.size()) return Status::wrong_size;

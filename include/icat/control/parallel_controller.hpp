@@ -141,8 +141,10 @@ class ParallelController {
   Status follow_joint_law(double time, const Eigen::MatrixBase<V>& measured,
                           InputAge age = {}) noexcept {
     Status status = first_.tick(time);
-    if (!(law_age_ >= 0)) return Status::not_started;
-    age.state += law_age_ + first_.clock().elapsed() - law_time_;
+    if (!(law_age_.state >= 0)) return Status::not_started;
+    const double since = first_.clock().elapsed() - law_time_;
+    age.state += law_age_.state + since;
+    age.pose += law_age_.pose + since;
     status = prepare(status, measured, age);
     const Cycle now = first_.clock().since(joints_.time);
     limits_.update_joints(first_.robot(), now);
@@ -166,6 +168,8 @@ class ParallelController {
   const BaseCompensation<R, Regularization>& second() const noexcept { return second_; }
   /// Name of the action that runs or is being entered; empty before `start`.
   std::string_view action() const noexcept { return first_.action(); }
+  /// Whether there is an action of this name.
+  bool has(std::string_view action) const noexcept { return first_.has(action); }
   /// An action is being entered, or a command fades in, out or back.
   bool in_transition() const noexcept {
     return first_.in_transition() || !base_.ramp.settled() || !joints_.ramp.settled();
@@ -191,6 +195,7 @@ class ParallelController {
     if (status != Status::ok) return status;
     if (first_.clock().stalled()) return Status::clock_stalled;
     if (!(age.state <= hold_)) return Status::stale_state;
+    if (!(age.pose <= hold_)) return Status::stale_pose;
     if (!(age.velocity <= hold_)) return Status::stale_velocity;
     if (limits_.implausible_joint(first_.robot()) >= 0) return Status::implausible_position;
     const ColumnRange base = first_.robot().base_columns();
@@ -214,11 +219,12 @@ class ParallelController {
   }
   Status solve_law(Status status, const InputAge& age) noexcept {
     if (status == Status::ok && !(age.state <= hold_)) status = Status::stale_state;
+    if (status == Status::ok && !(age.pose <= hold_)) status = Status::stale_pose;
     if (status != Status::ok) return status;
     status = second_.solve_law(first_.levels(), measured_);
     if (status != Status::ok) return status;
     law_time_ = first_.clock().elapsed();
-    law_age_ = age.state;
+    law_age_ = age;
     return status;
   }
   Status run_base(Status status) noexcept {
@@ -259,7 +265,8 @@ class ParallelController {
   BaseCompensation<R, Regularization> second_;
   MotionLimits<R> limits_;
   Layer base_, joints_;
-  double hold_, law_time_{0}, law_age_{-1};
+  double hold_, law_time_{0};
+  InputAge law_age_{-1};
   Velocity measured_, velocity_;
 };
 

@@ -196,10 +196,11 @@ class Agent {
     Status status = second_.update(time);
     if (status != Status::ok) return status;
     if (!(age.state <= hold_)) return Status::stale_state;
+    if (!(age.pose <= hold_)) return Status::stale_pose;
     status = compensation_->solve_law(second_.levels(), measured);
     if (status != Status::ok) return status;
     law_time_ = second_.clock().elapsed();
-    law_age_ = age.state;
+    law_age_ = std::max(age.state, age.pose);
     return status;
   }
   /// New velocities of the joints by the law, as `ParallelController::follow_joint_law`; of
@@ -397,6 +398,7 @@ class Agent {
                const InputAge& age) noexcept {
     if (actions.clock().stalled()) return Status::clock_stalled;
     if (!(age.state <= hold_)) return Status::stale_state;
+    if (!(age.pose <= hold_)) return Status::stale_pose;
     if (limits_.implausible_joint(robot_) >= 0) return Status::implausible_position;
     if (measured && measured->size() != measured_.size()) return Status::wrong_size;
     if (!actions.any_given() && !needs_base) return Status::ok;

@@ -24,7 +24,9 @@ enum class [[nodiscard]] Status{
     unknown_event,            ///< no phase of the mission knows an event of that name
     clock_stalled,            ///< ten stamps in a row did not change
     stale_state,              ///< the robot's state is older than `hold`
+    stale_pose,               ///< the base's pose is older than `hold`
     stale_velocity,           ///< the measured velocity is older than `hold`
+    stale_reference,          ///< the reference that is to be followed is older than `hold`
     missing_velocity,  ///< a given column of the base, or one that is made up for, was not measured
     implausible_position,  ///< a joint is further outside its range than the range is wide
     round_out_of_range,    ///< a message of a round too far from this agent's own
@@ -69,6 +71,10 @@ constexpr const char* describe(Status status) noexcept {
       return "the time stamps do not change";
     case Status::stale_state:
       return "the robot's state is too old";
+    case Status::stale_pose:
+      return "the base's pose is too old";
+    case Status::stale_reference:
+      return "the reference is too old";
     case Status::stale_velocity:
       return "the measured velocity is too old";
     case Status::missing_velocity:

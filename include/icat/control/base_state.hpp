@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// What the navigation said last of the base, carried forward to the present: the joints run faster
+/// than the navigation [MARIS, III-B9], and between its samples the base moves on.
+///
+///     ⁰T_b(t) = ⁰T_b(t₀) exp(v (t − t₀))
+///
+/// Ours; the paper only asks for a velocity feedback as fast as the joints.
+#pragma once
+
+#include <cmath>
+
+#include "icat/core/status.hpp"
+#include "icat/math/rigid_motion.hpp"
+
+namespace icat {
+
+/// The newest sample, nothing else: it is never queued. No allocation, no exception.
+template <class Scalar>
+class BaseState {
+ public:
+  /// ⟨b⟩ in ⟨0⟩ and its twist (components on ⟨b⟩, m/s, rad/s) as they were at `stamp`, s. What is
+  /// not finite, or no rotation, is refused: the sample before stays, and gets old.
+  Status set(const Pose<Scalar>& pose, const Vector6<Scalar>& velocity, double stamp) noexcept {
+    if (!detail::all_finite(pose.matrix()) || !detail::all_finite(velocity) ||
+        !std::isfinite(stamp)) {
+      return Status::non_finite;
+    }
+    if (!is_rigid(pose)) return Status::not_a_rotation;
+    pose_ = pose;
+    velocity_ = velocity;
+    stamp_ = stamp;
+    return Status::ok;
+  }
+  /// ⟨b⟩ in ⟨0⟩ at `time`, s; as it was where that is before the sample.
+  Pose<Scalar> pose(double time) const noexcept {
+    const double passed = time - stamp_;
+    if (!(passed > 0) || !std::isfinite(passed)) return pose_;
+    return integrate(pose_, velocity_, static_cast<Scalar>(passed));
+  }
+  /// The twist of the sample, held.
+  const Vector6<Scalar>& velocity() const noexcept { return velocity_; }
+  /// Of the sample at `time`, s, also of one from the future; infinite before the first.
+  double age(double time) const noexcept { return std::abs(time - stamp_); }
+
+ private:
+  Pose<Scalar> pose_ = detail::identity_pose<Scalar>();
+  Vector6<Scalar> velocity_ = detail::zeros<Vector6<Scalar>>(6);
+  double stamp_{-infinity<double>};
+};
+
+}  // namespace icat
