@@ -36,6 +36,12 @@ struct TimeOptions {
 
 namespace detail {
 
+/// Which part of the state is older than `hold`, of both the older one; or `ok`.
+inline Status check_age(const InputAge& age, double hold) noexcept {
+  if (!(age.state <= hold) && !(age.pose > age.state)) return Status::stale_state;
+  return age.pose <= hold ? Status::ok : Status::stale_pose;
+}
+
 /// What has lasted already when it is told: there is no point in holding on.
 constexpr bool is_lasting(Status status) noexcept {
   return status == Status::clock_stalled || status == Status::stale_state ||

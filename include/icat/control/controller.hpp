@@ -200,8 +200,7 @@ class Controller {
   // Whether the inputs are there and are new.
   Status check(const Velocity* measured, const InputAge& age) noexcept {
     if (solver_.clock().stalled()) return Status::clock_stalled;
-    if (!(age.state <= hold_)) return Status::stale_state;
-    if (!(age.pose <= hold_)) return Status::stale_pose;
+    if (const Status old = detail::check_age(age, hold_); old != Status::ok) return old;
     implausible_ = limits_.implausible_joint(solver_.robot());
     if (implausible_ >= 0) return Status::implausible_position;
     if (measured && measured->size() != measured_.size()) return Status::wrong_size;

@@ -194,8 +194,7 @@ class ParallelController {
                  const InputAge& age) noexcept {
     if (status != Status::ok) return status;
     if (first_.clock().stalled()) return Status::clock_stalled;
-    if (!(age.state <= hold_)) return Status::stale_state;
-    if (!(age.pose <= hold_)) return Status::stale_pose;
+    if (const Status old = detail::check_age(age, hold_); old != Status::ok) return old;
     if (!(age.velocity <= hold_)) return Status::stale_velocity;
     if (limits_.implausible_joint(first_.robot()) >= 0) return Status::implausible_position;
     const ColumnRange base = first_.robot().base_columns();
@@ -218,8 +217,7 @@ class ParallelController {
     return status;
   }
   Status solve_law(Status status, const InputAge& age) noexcept {
-    if (status == Status::ok && !(age.state <= hold_)) status = Status::stale_state;
-    if (status == Status::ok && !(age.pose <= hold_)) status = Status::stale_pose;
+    if (status == Status::ok) status = detail::check_age(age, hold_);
     if (status != Status::ok) return status;
     status = second_.solve_law(first_.levels(), measured_);
     if (status != Status::ok) return status;

@@ -195,21 +195,22 @@ class Agent {
     if (!compensation_) return Status::not_started;
     Status status = second_.update(time);
     if (status != Status::ok) return status;
-    if (!(age.state <= hold_)) return Status::stale_state;
-    if (!(age.pose <= hold_)) return Status::stale_pose;
+    if (const Status old = detail::check_age(age, hold_); old != Status::ok) return old;
     status = compensation_->solve_law(second_.levels(), measured);
     if (status != Status::ok) return status;
     law_time_ = second_.clock().elapsed();
-    law_age_ = std::max(age.state, age.pose);
+    law_age_ = age;
     return status;
   }
   /// New velocities of the joints by the law, as `ParallelController::follow_joint_law`; of
   /// `measured`, n, the base's columns count.
   Status follow_joint_law(double time, const Velocity& measured,
                           InputAge age = {}) noexcept requires MobileRobot<R> {
-    if (!compensation_ || !(law_age_ >= 0)) return Status::not_started;
+    if (!compensation_ || !(law_age_.state >= 0)) return Status::not_started;
     Status status = second_.tick(time);
-    age.state += law_age_ + second_.clock().elapsed() - law_time_;
+    const double since = second_.clock().elapsed() - law_time_;
+    age.state += law_age_.state + since;
+    age.pose += law_age_.pose + since;
     if (status == Status::ok) status = check(second_, &measured, true, age);
     const Cycle now = second_.clock().since(law_cycle_);
     limits_.update_joints(robot_, now);
@@ -397,8 +398,7 @@ class Agent {
   Status check(const Actions& actions, const Velocity* measured, bool needs_base,
                const InputAge& age) noexcept {
     if (actions.clock().stalled()) return Status::clock_stalled;
-    if (!(age.state <= hold_)) return Status::stale_state;
-    if (!(age.pose <= hold_)) return Status::stale_pose;
+    if (const Status old = detail::check_age(age, hold_); old != Status::ok) return old;
     if (limits_.implausible_joint(robot_) >= 0) return Status::implausible_position;
     if (measured && measured->size() != measured_.size()) return Status::wrong_size;
     if (!actions.any_given() && !needs_base) return Status::ok;
@@ -562,7 +562,8 @@ class Agent {
   Sensitivity sensitivity_;
   std::vector<ToolEntry> tools_;
   CycleTime own_time_, second_time_, filter_time_, law_cycle_;
-  double law_time_{0}, law_age_{-1};
+  double law_time_{0};
+  InputAge law_age_{-1};
   Cycle cycle_{0, 0};
   bool opened_{false}, filtered_{false};
   Status proposed_{Status::ok};
