@@ -179,9 +179,13 @@ Outcome run(double dt, const std::vector<Word>& script) {
   const Pose pipe = at(1.5, 0.8, 3, 0, 0.5), down = at(1.5, 0.8, 3, 0, 0.5 + std::numbers::pi + 2);
   const Vector3 end_of_pipe = pipe * Vector3(0, 0.35, 0);
 
-  bool at_grasp = false, at_posture = false;
-  icat::Mission mission = icat::maris_mission(
-      {.at_grasp = [&] { return at_grasp; }, .at_posture = [&] { return at_posture; }});
+  //! [mission]
+  const auto at_grasp = [&] {  // 2 cm and 5 degrees
+    return grasp.position.position_error() < 0.02 && grasp.orientation.orientation_error() < 0.087;
+  };
+  const auto at_posture = [&] { return (robot.q() - folded()).cwiseAbs().maxCoeff() < 0.05; };
+  icat::Mission mission = icat::maris_mission({.at_grasp = at_grasp, .at_posture = at_posture});
+  //! [mission]
   Vector13 bounds;
   bounds << icat::Vector<double, 7>::Constant(1), 0.5, 0.5, 0.5, 0.8, 0.8, 0.8;
   // Roll and pitch are not actuated, as in the trials.
@@ -206,18 +210,24 @@ Outcome run(double dt, const std::vector<Word>& script) {
     EXPECT_EQ(robot.update(plant.q(), plant.base()), Status::ok);
     if (k % picture == 0) {  // at 10 Hz, in the frames of the camera and the vehicle
       const Pose vehicle = plant.base(), camera = robot.pose(robot.frame("camera"));
-      EXPECT_EQ(diver.grasp.see_grasp(vehicle.inverse() * down, vehicle), Status::ok);
-      EXPECT_EQ(diver.grasp.see_object(camera.inverse() * end_of_pipe, vehicle), Status::ok);
+      const Pose grasp_in_vehicle = vehicle.inverse() * down;
+      const Vector3 end_in_camera = camera.inverse() * end_of_pipe;
+      //! [picture]
+      Status seen = diver.grasp.see_grasp(grasp_in_vehicle, vehicle);  // where it was then
+      if (seen == Status::ok) seen = diver.grasp.see_object(end_in_camera, vehicle);
+      //! [picture]
+      EXPECT_EQ(seen, Status::ok);
     }
     if (said < script.size() && mission.phase() == script[said].phase &&
         mission.time_in_phase() > script[said].after) {
       EXPECT_EQ(mission.raise(script[said++].event), Status::ok);
     }
-    at_grasp = mission.action() == "grasp" && grasp.position.position_error() < 0.02 &&
-               grasp.orientation.orientation_error() < 5 * std::numbers::pi / 180;
-    at_posture = (plant.q() - folded()).cwiseAbs().maxCoeff() < 0.05;
-    EXPECT_EQ(mission.step(t), Status::ok);
-    EXPECT_EQ(mission.drive(controller, t), Status::ok);
+    //! [cycle]
+    Status status = mission.step(t);
+    if (status == Status::ok) status = mission.drive(controller, t);
+    if (status == Status::ok) status = controller.step(t, plant.velocity());
+    //! [cycle]
+    EXPECT_EQ(status, Status::ok);
     if (mission.entered()) {
       result.phases.emplace_back(mission.phase());
       if (mission.phase() == "close") {
@@ -225,7 +235,6 @@ Outcome run(double dt, const std::vector<Word>& script) {
         result.orientation_error = grasp.orientation.orientation_error();
       }
     }
-    EXPECT_EQ(controller.step(t, plant.velocity()), Status::ok);
     plant.step(controller.command(), t, dt);
     result.largest_step = std::max(result.largest_step, (controller.command() - last).norm());
     last = controller.command();

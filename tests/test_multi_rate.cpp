@@ -241,6 +241,48 @@ TEST(MultiRate, TheErrorGrowsAsTheFeedbackGetsSlower) {
   }
 }
 
+// As on the page.
+TEST(MultiRate, EachPartAtItsOwnRate) {
+  Robot robot = make_robot();
+  icat::KinematicPlant<Robot> plant(robot, {.q = folded(), .tracking_lag = 0.5});
+  task::FramePosition<Robot> tool(robot, robot.frame("tool"), {1.5, 0.2, 1.4},
+                                  {.gain = 0.5, .max_rate = 0.1});
+  //! [rates]
+  icat::ParallelController controller(robot, {{"reach", {{tool}}}});
+  icat::BaseState<double> base;                                      // what the navigation says
+  icat::HeldReference<double, 6> vehicle_reference({.hold = 0.15});  // where it is followed
+  icat::HeldReference<double, 7> joint_reference;
+  //! [rates]
+  ASSERT_EQ(controller.switch_to("reach", 0, 1), Status::ok);
+  for (int k = 0; k < 40000; ++k) {
+    const double t = 1e-3 * k;
+    Status navigation = Status::ok, vehicle = Status::ok, joints = Status::ok;
+    const Vector6 twist = plant.velocity().tail<6>();
+    //! [rates cycle]
+    if (k % 10 == 0) navigation = base.set(plant.base(), twist, t);  // 100 Hz, with its stamp
+    const icat::InputAge age{.velocity = base.age(t), .pose = base.age(t)};
+    if (k % 50 == 0) {  // 20 Hz
+      vehicle = robot.update(plant.q(), base.pose(t));
+      if (vehicle == Status::ok) vehicle = controller.step_base(t, base.velocity(), age);
+      if (vehicle == Status::ok) vehicle = vehicle_reference.set(controller.command().tail<6>());
+    }
+    if (k % 10 == 0) {  // 100 Hz: what the vehicle does not do, the joints make up for
+      joints = robot.update(plant.q(), base.pose(t));
+      if (joints == Status::ok) joints = controller.step_joint_law(t, age);
+    }
+    if (joints == Status::ok) joints = controller.follow_joint_law(t, base.velocity(), age);
+    if (joints == Status::ok) joints = joint_reference.set(controller.command().head<7>());
+    (void)vehicle_reference.update(t);  // 1 kHz, in the loops that follow them: value()
+    (void)joint_reference.update(t);
+    //! [rates cycle]
+    for (const Status status : {navigation, vehicle, joints}) ASSERT_EQ(status, Status::ok) << t;
+    Vector13 command;
+    command << joint_reference.value(), vehicle_reference.value();
+    plant.step(command, t, 1e-3);
+  }
+  EXPECT_LT(tool.position_error(), 1e-3);
+}
+
 // The law for a newer velocity is as good as a solution at its rate: what is left comes from the
 // state and the goal, which it takes at 100 Hz.
 TEST(MultiRate, TheLawAtAKilohertz) {

@@ -86,7 +86,6 @@ inline constexpr double maximum_centering = 0.2;
 inline constexpr double maximum_attitude = 0.2;
 inline constexpr double hover_position = 0.12, hover_orientation = 0.1;
 
-inline constexpr double fade = 2.0;         ///< s, of the transitions, "a couple of seconds"
 inline constexpr double time_limit = 40.0;  ///< s, of a phase
 
 /// Runs the mission with a period of `dt`. Every cycle ends with `observe(robot, controller, t,
@@ -245,7 +244,6 @@ Result run(const Variant& variant, double dt, Observe observe) {
   //! [mission]
   icat::Mission mission({{.name = "navigate",
                           .action = "navigate",
-                          .fade = fade,
                           .until = hovering,
                           .hold = 3,
                           .then = "grasp",
@@ -253,14 +251,12 @@ Result run(const Variant& variant, double dt, Observe observe) {
                           .on_timeout = "grasp"},
                          {.name = "grasp",
                           .action = "grasp",
-                          .fade = fade,
                           .until = closing,
                           .then = "lift",
                           .time_limit = time_limit + 10,
                           .on_timeout = "lift"},
                          {.name = "lift",
                           .action = "lift",
-                          .fade = fade,
                           .until = at_goal,
                           .then = "lifted",
                           .time_limit = time_limit,

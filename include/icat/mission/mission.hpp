@@ -49,7 +49,7 @@ struct Reaction {
 struct Phase {
   std::string name = "";              ///< in reports and in the rows of other phases
   std::string action = "";            ///< of the controller; none: it stops
-  double fade = 2;                    ///< s, > 0: into the action, or to a stop
+  double fade = 2;                    ///< s, > 0: into the action, or to a stop; "a couple" [Coop]
   std::function<bool()> until = {};   ///< a condition that ends it; must not throw
   double hold = 0;                    ///< s: so long the condition has to be met
   std::string then = "";              ///< the phase that follows the condition
