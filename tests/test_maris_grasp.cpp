@@ -10,6 +10,7 @@
 #include <icat/sim/kinematic_plant.hpp>
 #include <icat/task/column_tasks.hpp>
 
+#include "support/allocation_counter.hpp"
 #include "support/sanitized.hpp"
 
 namespace {
@@ -117,6 +118,55 @@ TEST(MarisGrasp, GoalsStayInTheWorldBetweenPictures) {
   EXPECT_EQ(diver.grasp.see_grasp(seen, bad), Status::not_a_rotation);
   EXPECT_EQ(diver.grasp.see_object(object, bad), Status::not_a_rotation);
   EXPECT_EQ(diver.grasp.position.goal(), before);
+}
+
+TEST(MarisGrasp, OfFloats) {
+  using FloatRobot = icat::KinematicTree<float, 13>;
+  FloatRobot robot = icat::uvms(icat::maris_arm<float>(), {.arm = icat::maris_arm_mount<float>()});
+  const Eigen::VectorXf q = folded().cast<float>();
+  const icat::Pose<float> vehicle = at(1, -2, 0.5, 0.1, 0.7).cast<float>();
+  ASSERT_EQ(robot.update(q, vehicle), Status::ok);
+  icat::MarisGrasp<FloatRobot> grasp(
+      robot, {robot.frame("tool"), robot.frame(icat::maris_elbow), robot.frame("camera")}, q);
+  EXPECT_LT((grasp.position.goal() - robot.pose(robot.frame("tool")).translation()).norm(), 1e-6f);
+  const icat::Pose<float> seen = at(0.8, 0.2, 1.5, 0.3, -0.4).cast<float>();
+  ASSERT_EQ(grasp.see_grasp(seen, vehicle), Status::ok);
+  EXPECT_LT((grasp.position.goal() - vehicle * seen.translation()).norm(), 1e-6f);
+  for (const auto& level : grasp.action().levels) {
+    level[0].get().update();
+    EXPECT_TRUE(level[0].get().jacobian().allFinite());
+  }
+}
+
+TEST(MarisGrasp, DoesNotAllocate) {
+#ifdef ICAT_TEST_NO_MALLOC_COUNT
+  GTEST_SKIP() << "malloc belongs to the sanitizer";
+#endif
+  Diver diver;
+  icat::Controller<Robot> controller(diver.robot, diver.actions());
+  bool met = false;
+  icat::Mission mission =
+      icat::maris_mission({.at_grasp = [&] { return met; }, .at_posture = [&] { return met; }});
+  const Eigen::VectorXd q = folded();
+  const Pose vehicle = at(1, -2, 0.5, 0.1, 0.7), seen = at(0.8, 0.2, 1.5, 0.3, -0.4);
+  Status status = Status::ok;
+  const long count = count_allocations([&] {
+    for (int k = 0; k < 300 && status == Status::ok; ++k) {
+      const double t = 0.01 * k;
+      status = diver.robot.update(q, vehicle);
+      if (status == Status::ok) status = diver.grasp.see_grasp(seen, vehicle);
+      if (status == Status::ok) status = diver.grasp.see_object({0.1, 0, 1}, vehicle);
+      if (k == 20) status = mission.raise("object detected");
+      if (k == 150) status = mission.raise("grasp closed");
+      met = k > 50;
+      if (status == Status::ok) status = mission.step(t);
+      if (status == Status::ok) status = mission.drive(controller, t);
+      if (status == Status::ok) status = controller.step(t);
+    }
+  });
+  EXPECT_EQ(count, 0);
+  EXPECT_EQ(status, Status::ok);
+  EXPECT_EQ(mission.phase(), "done");
 }
 
 /// The arm alone, of a vehicle that is held, to a goal whose position it reaches, but not pointing
