@@ -67,9 +67,9 @@ constexpr const char* describe(GraspFailure failure) noexcept {
 
 /// The mission of the file comment. Its events: "object detected", at the first detection that is
 /// sure; "object lost", not seen for 3 s or so, which is for the vision to judge; "grasp closed"
-/// and "grasp empty" from the hand; "out of bounds" and "fault" from whoever watches. What the
-/// paper's supervisor gets as further events, the end of a time and a posture that is reached, the
-/// mission finds out by itself. Its actions: "survey", "grasp", "carry".
+/// and "grasp empty" from the hand; "out of bounds" and "fault" from whoever watches. That a time is
+/// up or the posture reached the mission finds out by itself. Its actions: "survey", "grasp",
+/// "carry".
 /// @throws std::invalid_argument without conditions, or on numbers out of range (see `Mission`).
 [[gnu::cold]] inline Mission maris_mission(const MarisMissionOptions& options) {
   const auto& o = options;
