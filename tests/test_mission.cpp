@@ -233,6 +233,29 @@ TEST(Mission, NoPhaseIsPassedUnseen) {
   EXPECT_EQ(mission.end(), PhaseEnd::failure);
 }
 
+// A condition that finds something else: the event counts, not the condition.
+TEST(Mission, AConditionMayRaiseAnEvent) {
+  Mission* self = nullptr;
+  Mission mission({{.name = "look",
+                    .until =
+                        [&] {
+                          EXPECT_EQ(self->raise("fault"), Status::ok);
+                          return true;
+                        },
+                    .then = "end",
+                    .time_limit = 0.1,
+                    .on_timeout = "end",
+                    .on = {{.event = "fault", .to = "repair"}}},
+                   {.name = "repair", .until = yes, .then = "end"},
+                   {.name = "end", .end = PhaseEnd::success}});
+  self = &mission;
+  for (const char* phase : {"look", "repair", "end"}) {
+    ASSERT_EQ(mission.step(0.2 * static_cast<double>(mission.index())), Status::ok);
+    EXPECT_EQ(mission.phase(), phase);
+    EXPECT_TRUE(mission.entered());
+  }
+}
+
 /// Writes down what it is told.
 struct Told {
   std::string text;

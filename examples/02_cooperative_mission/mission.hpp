@@ -316,6 +316,7 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
   }
   phases.push_back({.name = "done", .end = icat::PhaseEnd::success});
   icat::Mission mission(phases);
+  mission.check_actions(agents[0]->own());
   //! [mission]
   supervisor = &mission;
   // One mission for both robots, as for one controller of both.

@@ -146,14 +146,11 @@ class Mission {
     }
     const Phase& phase = phases_[phase_];
     if (phase.end != PhaseEnd::none) return status;
-    if (phase.until) {
-      if (!phase.until()) {
-        met_ = false;
-      } else if (!met_) {
-        met_ = true;
-        met_from_ = clock_.elapsed();
-      }
-      if (met_ && clock_.elapsed() - met_from_ >= phase.hold - rounding) {
+    const bool met = phase.until && phase.until();  // which may raise an event
+    if (reported_) {
+      if (met && !met_) met_from_ = clock_.elapsed();
+      met_ = met;
+      if (met && clock_.elapsed() - met_from_ >= phase.hold - rounding) {
         enter(then_[phase_], Cause::condition);
       }
     }
