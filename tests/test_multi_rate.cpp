@@ -218,6 +218,7 @@ double held(const Rates& rates) {
 }
 
 TEST(MultiRate, FastJointsMakeUpForASlowBase) {
+  if (sanitized) GTEST_SKIP();
   const double fast = held({.base = 100, .joints = 100, .navigation = 100});
   const double mixed = held({.base = 10, .joints = 100, .navigation = 100});
   const double slow = held({.base = 10, .joints = 10, .navigation = 10});
@@ -231,6 +232,7 @@ TEST(MultiRate, FastJointsMakeUpForASlowBase) {
 // As in [Coop, Table III], where the vehicle's velocity at 10 instead of 100 Hz costs a factor 3 of
 // the final error.
 TEST(MultiRate, TheErrorGrowsAsTheFeedbackGetsSlower) {
+  if (sanitized) GTEST_SKIP();
   double last = 0;
   std::printf("tool error, RMS:");
   for (const int rate : {100, 50, 20, 10}) {
@@ -286,6 +288,7 @@ TEST(MultiRate, EachPartAtItsOwnRate) {
 // The law for a newer velocity is as good as a solution at its rate: what is left comes from the
 // state and the goal, which it takes at 100 Hz.
 TEST(MultiRate, TheLawAtAKilohertz) {
+  if (sanitized) GTEST_SKIP();
   const double slow = held({.joints = 100, .navigation = 20});
   const double law = held({.joints = 100, .law = 1000, .navigation = 1000});
   EXPECT_LT(law, 0.3 * slow);
