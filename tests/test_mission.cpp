@@ -108,6 +108,8 @@ TEST(Mission, RefusesTablesThatAreNone) {
   EXPECT_EQ(refusal(patrol(), {{.event = "fault", .to = "nowhere"}}),
             "phase 'out': there is no phase 'nowhere'");
   EXPECT_EQ(refusal(patrol(), {{.to = "end"}}), "always: an event without a name");
+  const Reaction fault{.event = "fault", .to = "end"};
+  EXPECT_EQ(refusal(patrol(), {fault, fault}), "always: event 'fault' is there twice");
   EXPECT_THROW(Mission(patrol(), {}, 0), std::invalid_argument);
   icat::MarisMissionOptions options{.at_grasp = yes};
   EXPECT_THROW((void)maris_mission(options), std::invalid_argument);

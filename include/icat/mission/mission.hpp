@@ -41,7 +41,7 @@ inline constexpr double no_time_limit = std::numeric_limits<double>::infinity();
 struct Reaction {
   std::string event = "";      ///< its name
   std::string to = "";         ///< the phase that follows
-  int times = 0;               ///< so often at most; 0: without limit
+  int times = 0;               ///< so often at most, from one phase; 0: without limit
   std::string otherwise = "";  ///< the phase that follows once `times` are used up
 };
 
@@ -102,7 +102,7 @@ class Mission {
         if (!handles(phase, r.event)) phase.on.push_back(r);
       }
     }
-    for (const Reaction& r : always) check("always", r);
+    check("always", always);
     connect();
     restart();
   }
@@ -233,6 +233,16 @@ class Mission {
       detail::invalid(where, ": '", r.event, "' needs both times and otherwise, or none");
     }
   }
+  [[gnu::cold]] static void check(const std::string& where, const std::vector<Reaction>& on) {
+    for (const Reaction& r : on) {
+      check(where, r);
+      for (const Reaction& other : on) {
+        if (&other != &r && other.event == r.event) {
+          detail::invalid(where, ": event '", r.event, "' is there twice");
+        }
+      }
+    }
+  }
   [[gnu::cold]] void check(const Phase& phase) const {
     if (phase.name.empty()) detail::invalid("mission: a phase without a name");
     const std::string where = "phase '" + phase.name + "'";
@@ -254,14 +264,7 @@ class Mission {
     if (limited == phase.on_timeout.empty()) {
       detail::invalid(where, ": time_limit and on_timeout need each other");
     }
-    for (const Reaction& r : phase.on) {
-      check(where, r);
-      for (const Reaction& other : phase.on) {
-        if (&other != &r && other.event == r.event) {
-          detail::invalid(where, ": event '", r.event, "' is there twice");
-        }
-      }
-    }
+    check(where, phase.on);
     const bool exits = condition || limited || !phase.on.empty();
     if (phase.end == PhaseEnd::none && !exits) detail::invalid(where, " never ends");
     if (phase.end != PhaseEnd::none && exits) {
