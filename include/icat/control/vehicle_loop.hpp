@@ -98,7 +98,7 @@ class VehicleLoop {
   /// back when all is well, from the velocity as it is measured then. No allocation.
   /// @param time  s, any origin, see StepClock
   /// @param input what is wanted and what is measured
-  /// @param age   of attitude (`state`) and `velocity`
+  /// @param age   of attitude (`state` or `pose`) and `velocity`
   Status step(double time, const Input& input, InputAge age = {}) noexcept {
     Status status = clock_.advance(time);
     if (status == Status::ok) status = check(input, age);
@@ -143,7 +143,7 @@ class VehicleLoop {
 
   Status check(const Input& in, const InputAge& age) const noexcept {
     if (clock_.stalled()) return Status::clock_stalled;
-    if (!(age.state <= hold_)) return Status::stale_state;
+    if (const Status old = detail::check_age(age, hold_); old != Status::ok) return old;
     if (!(age.velocity <= hold_)) return Status::stale_velocity;
     Scalar largest(0);
     bool finite = true;
