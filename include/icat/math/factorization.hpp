@@ -210,7 +210,7 @@ template <class Scalar>
       if (j == p) continue;
       const Scalar factor = -s(p, j);
       set_element(s[j], p, Scalar(0));
-      axpy(n, factor, s[p], s[j]);
+      inline_axpy(n, factor, s[p], s[j]);
     }
   }
   return true;

@@ -266,14 +266,21 @@ inline void dots(Index rows, Panel<Scalar> a, const Scalar* x, Scalar* out) noex
   for (int j = 0; j < C; ++j) out[j] = predux(sum[j]);
 }
 
+/// `out (k) = aᵀ x`
+template <class Scalar>
+[[gnu::noinline]] void dots(Index rows, Index k, Panel<Scalar> a, const Scalar* x,
+                            Scalar* out) noexcept {
+  Index i = 0;
+  for (; i + 4 <= k; i += 4) dots<4>(rows, a.from(i), x, out + i);
+  for (; i < k; ++i) out[i] = inline_dot(rows, a[i], x);
+}
+
 /// `c (k × l) = aᵀ b`
 template <class Scalar>
 [[gnu::noinline]] void transposed_product(Index rows, Index k, Index l, Panel<Scalar> a,
                                           Panel<Scalar> b, Panel<Scalar> c) noexcept {
   for (Index j = 0; j < l; ++j) {
-    Index i = 0;
-    for (; i + 4 <= k; i += 4) dots<4>(rows, a.from(i), b[j], c[j] + i);
-    for (; i < k; ++i) c(i, j) = inline_dot(rows, a[i], b[j]);
+    dots(rows, k, a, b[j], c[j]);
     fill_up(k, c[j]);
   }
 }
@@ -282,23 +289,25 @@ template <class Scalar>
 template <class Scalar>
 [[gnu::noinline]] void gram(Index rows, Index k, Panel<Scalar> a, Panel<Scalar> c) noexcept {
   for (Index j = 0; j < k; ++j) {
-    Index i = j;
-    for (; i + 4 <= k; i += 4) dots<4>(rows, a.from(i), a[j], c[j] + i);
-    for (; i < k; ++i) c(i, j) = inline_dot(rows, a[i], a[j]);
-    for (i = j + 1; i < k; ++i) c(j, i) = c(i, j);
+    dots(rows, k - j, a.from(j), a[j], c[j] + j);
+    for (Index i = j + 1; i < k; ++i) c(j, i) = c(i, j);
     fill_up(k, c[j]);
   }
 }
 
-/// `y += s x`
+/// `y += s x`; in line, for inner loops.
 template <class Scalar>
-inline void axpy(Index rows, Scalar s, const Scalar* x, Scalar* y) noexcept {
+inline void inline_axpy(Index rows, Scalar s, const Scalar* x, Scalar* y) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   const Packet factor = pset1<Packet>(s);
   for (Index i = 0; i < rows; i += Simd<Scalar>::size) {
     pstoreu(y + i, pmadd(ploadu<Packet>(x + i), factor, ploadu<Packet>(y + i)));
   }
+}
+template <class Scalar>
+[[gnu::noinline]] void axpy(Index rows, Scalar s, const Scalar* x, Scalar* y) noexcept {
+  inline_axpy(rows, s, x, y);
 }
 
 /// `out = s x + t y`, which may be one of x and y.
@@ -315,7 +324,7 @@ template <class Scalar>
 
 /// `y = s x`, which may be the same.
 template <class Scalar>
-inline void scale(Index rows, Scalar s, const Scalar* x, Scalar* y) noexcept {
+[[gnu::noinline]] void scale(Index rows, Scalar s, const Scalar* x, Scalar* y) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   const Packet factor = pset1<Packet>(s);
@@ -328,7 +337,7 @@ inline void scale(Index rows, Scalar s, const Scalar* x, Scalar* y) noexcept {
 template <class Scalar>
 [[gnu::noinline]] void add(Index rows, Index k, Scalar s, Panel<Scalar> from,
                            Panel<Scalar> to) noexcept {
-  for (Index c = 0; c < k; ++c) axpy(rows, s, from[c], to[c]);
+  for (Index c = 0; c < k; ++c) inline_axpy(rows, s, from[c], to[c]);
 }
 /// `to = s from`, `k` columns; they may be the same.
 template <class Scalar>
@@ -341,13 +350,13 @@ template <class Scalar>
 template <class Scalar>
 [[gnu::noinline]] void add_projection(Index rows, Scalar s, const Scalar* v, Index k,
                                       Panel<Scalar> in, Panel<Scalar> out) noexcept {
-  for (Index c = 0; c < k; ++c) axpy(rows, s * inline_dot(rows, v, in[c]), v, out[c]);
+  for (Index c = 0; c < k; ++c) inline_axpy(rows, s * inline_dot(rows, v, in[c]), v, out[c]);
 }
 /// `out += s v wᵀ`, `k` columns; elements of w are `step` apart.
 template <class Scalar>
 [[gnu::noinline]] void add_outer(Index rows, Index k, Scalar s, const Scalar* v, const Scalar* w,
                                  Index step, Panel<Scalar> out) noexcept {
-  for (Index c = 0; c < k; ++c) axpy(rows, s * w[c * step], v, out[c]);
+  for (Index c = 0; c < k; ++c) inline_axpy(rows, s * w[c * step], v, out[c]);
 }
 
 /// `s −= v wᵀ + w vᵀ` in the columns from `first` to n and whole packets of rows from `top`.
