@@ -210,8 +210,7 @@ template <class Scalar>
     if (j < cols) product_block<R, 1>(into, depth, a.data + i, a.stride, bj, c[j] + i, c.stride);
     i += R * size;
   };
-  while (rows - i > 3 * size) sweep(std::integral_constant<int, 4>{});
-  if (rows - i > size) sweep(std::integral_constant<int, 2>{});
+  while (rows - i > size) sweep(std::integral_constant<int, 2>{});
   if (rows - i > 0) sweep(std::integral_constant<int, 1>{});
 }
 
