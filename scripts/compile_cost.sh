@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # What a user's file costs to compile, as multiples of an include of Eigen/Dense alone in the same
 # run: a Markdown table. With --check it fails where a bound is exceeded by more than a tenth, which
-# is how far two measurements of the same file may differ on a busy machine; where a bound is missed,
-# what has been reached is held instead. User time of the fastest of three; the bounds are for g++. What the examples' command line costs (CLI11) is not in it: that
+# is how far two measurements of the same file may differ on a busy machine. User time of the fastest
+# of three; the bounds are for g++. What the examples' command line costs (CLI11) is not in it: that
 # is compiled once, in examples/support.
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
