@@ -116,6 +116,15 @@ struct Parameters {
   double force_limit = 200;        ///< N, of the interaction force: the run is aborted
   double hold = 4;                 ///< s, how long an agreement is held
   double fade = 0.1;               ///< s, into the first agreement
+  double limit_margin = 0.2;
+  double limit_gain = 0.5;
+  double distance = 2, distance_margin = 0.5;
+  double dexterity = 0.05, dexterity_margin = 0.04;
+  double dexterity_gain = 1;
+  double attitude = 0.2, attitude_margin = 0.1;
+  double to_middle = 0;
+  double yaw = 0, latest = 1;
+  std::array<double, 7> start_a{0, 1.5, 0, -2.5, 0, 1.0, 0}, start_b{0, 1.4, 0, -2.4, 0, 1.0, 0};
 };
 
 inline constexpr double plant_dt = 1.0 / 2000, control_dt = 0.01;
@@ -135,13 +144,8 @@ inline Robot make_robot() {
 }
 
 /// After the grasp: the grippers came from above, the vehicles face along x of the world, level.
-inline icat::HydrodynamicPlant<double, 7> plant_of(double side) {
-  Joints q;
-  if (side < 0) {
-    q << 0, 1.5, 0, -2.5, 0, 1.0, 0;
-  } else {
-    q << 0, 1.4, 0, -2.4, 0, 1.0, 0;
-  }
+inline icat::HydrodynamicPlant<double, 7> plant_of(double side, const Parameters& p) {
+  const Joints q = Eigen::Map<const Joints>((side < 0 ? p.start_a : p.start_b).data());
   Robot robot = make_robot();
   const icat::Status status = robot.update(q, Pose::Identity());
   if (status != icat::Status::ok) icat::detail::invalid("the start is refused");
@@ -160,11 +164,11 @@ class Side {
   Side(std::size_t index, const Plant& plant, const Row& row, const Parameters& p)
       : robot(holding(plant.grasp(index))),
         tool_frame_(robot.frame("tool")),
-        joint_limits_(robot, {.margin = 0.2, .gain = 0.5}),
+        joint_limits_(robot, {.margin = p.limit_margin, .to_middle = p.to_middle > 0, .gain = p.limit_gain}),
         distance_(robot, robot.base(), plant.robot(1 - index).vehicle().translation(),
-                  Objective::at_least(2.0, 0.5), {.gain = 0.5}),
-        manipulability_(robot, tool_frame_, Objective::at_least(0.05, 0.04)),
-        attitude_(robot, robot.base(), {.norm = Objective::at_most(0.2, 0.1), .gain = 0.5}),
+                  Objective::at_least(p.distance, p.distance_margin), {.gain = 0.5}),
+        manipulability_(robot, tool_frame_, Objective::at_least(p.dexterity, p.dexterity_margin), {.gain = p.dexterity_gain}),
+        attitude_(robot, robot.base(), {.norm = Objective::at_most(p.attitude, p.attitude_margin), .gain = 0.5}),
         tool_(robot, tool_frame_, pipe_goal,
               {.name = "tool pose",
                .gain = p.tool_gain,
@@ -180,6 +184,7 @@ class Side {
                .compensation = row.compensation,
                .agreement = {.index = index,
                              .spans = row.spans,
+                             .latest = p.latest > 0 && row.duplex == icat::Duplex::half,
                              .hold = p.hold,
                              .fallback = icat::Fallback::alone,
                              .fade = p.fade},
@@ -302,7 +307,7 @@ class Accumulator {
 /// Runs one row; `progress` gets the simulated time.
 inline Result run(const Row& row, const Parameters& p,
                   const std::function<void(double)>& progress = {}) {
-  Plant plant(plant_of(-1), plant_of(1), icat::maris_pipe_body<double>(), pipe_start);
+  Plant plant(plant_of(-1, p), plant_of(1, p), icat::maris_pipe_body<double>(), pipe_start);
   Side a(0, plant, row, p), b(1, plant, row, p);
   const std::array<Side*, 2> sides{&a, &b};
   icat::Channel<Message> channel({.rate = row.rate > 0 ? row.rate : 1,

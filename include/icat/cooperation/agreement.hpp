@@ -21,6 +21,13 @@
 /// an agent far behind follows once it has heard `open_rounds` messages of one sender that count
 /// up out of its reach, so a few wrong numbers do nothing.
 ///
+/// **Latest.** On a half-duplex channel the agents speak in turns, so their proposals of one round
+/// belong to different instants [Coop, V-B]. With the option `latest` an agent does not wait for a
+/// round to be complete: in every `update` it fuses its own present proposal with the last one it
+/// heard of each of the others. The velocity is up to date, but the agents come to different bits,
+/// and the object takes up the difference. It is held while each of the others is heard again
+/// within `hold`.
+///
 /// **Pace** (beyond the paper, an option). All agents follow the velocity agreed on, or the object
 /// is torn. Each says with its proposal which fraction of it the agent can follow, 1 as long as it
 /// can, and
@@ -37,38 +44,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <vector>
 
-#include "icat/cooperation/fusion.hpp"
+#include "icat/cooperation/agreement_options.hpp"
 #include "icat/cooperation/message.hpp"
 #include "icat/math/smooth_step.hpp"
 
 namespace icat {
-
-/// What an agent does that has heard nothing for too long.
-enum class Fallback {
-  stop,   ///< tool velocity 0
-  alone,  ///< its own proposal, as if it were the only one
-};
-
-/// Settings of an exchange, with defaults. All agents need the same but `index`.
-template <class Scalar>
-struct AgreementOptions {
-  std::size_t agents{2};  ///< how many, this one included, 2 … 1000
-  std::size_t index{0};   ///< which of them this one is
-  std::optional<FusionPolicy<Scalar>> policy = std::nullopt;  ///< f of Eq. (29); none: the mean
-  bool spans{false};                                          ///< exchange them, see fusion.hpp
-  double hold{1};                                             ///< s, > 0
-  Fallback fallback{Fallback::stop};                          ///< after that
-  double fade{1};         ///< s, > 0: into the fallback and back
-  std::size_t ahead{4};   ///< rounds that a message may be ahead of this agent's own, 1 … 7
-  Scalar max_linear{5};   ///< m/s, > 0: a faster proposal is implausible
-  Scalar max_angular{5};  ///< rad/s, > 0: the same
-  Scalar max_span{2};  ///< of ‖2T − I‖₂, ≥ 1: a projector has 1, two tasks that fade ≤ 5/3
-  bool pace{false};       ///< slow down for one that cannot follow: all agents or none, see above
-  double recovery{0.01};  ///< of the pace, per round at most, 0 … 1
-};
 
 /// See the file comment. Time is the caller's.
 template <class Scalar>
@@ -78,15 +60,17 @@ class Agreement {
   /// restart of either count, or wrong numbers, all agree again within `open_rounds` + 2 rounds in
   /// which messages arrive, plus the rounds they take there and back (at most 7 where `next_round`
   /// is used).
-  static constexpr std::size_t open_rounds = 8;
+  static constexpr std::size_t open_rounds = detail::agreement_rounds;
   /// Rounds are numbers between −`largest_round` and this, without both.
   static constexpr long long largest_round = 1LL << 62;
 
   /// @throws std::invalid_argument on settings out of range. Allocates; nothing else here does.
   explicit Agreement(const AgreementOptions<Scalar>& options)
-      : options_(validated(options)),
+      : options_(detail::validated(options)),
         policy_(options.policy ? *options.policy : fusion::mean<Scalar>()),
         rounds_(open_rounds, Round(options)),
+        latest_(options),
+        latest_numbers_(options.agents, -largest_round),
         strays_(options.agents),
         intersection_(options.spans ? options.agents : 1),
         message_(message_size(static_cast<std::size_t>(numbers()))) {}
@@ -112,7 +96,10 @@ class Agreement {
     Status status = encode(said.head(numbers()), message_);
     if (status == Status::ok && !plausible(said)) status = Status::implausible;
     proposed_ = status == Status::ok;
-    if (proposed_) own_ = velocity;
+    if (proposed_) {
+      own_ = velocity;
+      put(latest_, options_.index, said, message_);
+    }
     return status;
   }
 
@@ -160,7 +147,9 @@ class Agreement {
     if (options_.pace) (void)encode_pace(pace_, message_);
     const std::span<const std::byte> bytes(message_);
     Said said;
-    if (decode_said(bytes, said) == Status::ok) store(options_.index, round, said, bytes);
+    if (!options_.latest && decode_said(bytes, said) == Status::ok) {
+      store(options_.index, round, said, bytes);
+    }
     return bytes;
   }
   /// The number to give to `send` where it does not follow from a schedule: one more than the last,
@@ -197,6 +186,7 @@ class Agreement {
   const Vector6<Scalar>& update(double time) noexcept {
     if (!std::isfinite(time) || time < last_time_) return velocity_;
     last_time_ = time;
+    if (options_.latest) fuse_latest();
     if (fresh_) {
       agreed_until_ = time + options_.hold;
       commanded_pace_ = fused_pace_;
@@ -250,34 +240,6 @@ class Agreement {
     std::size_t count{0};
   };
 
-  static const AgreementOptions<Scalar>& validated(const AgreementOptions<Scalar>& o) {
-    if (o.agents < 2 || o.agents > 1000) {
-      detail::invalid("Agreement: agents must be in [2, 1000], got ", o.agents);
-    }
-    if (o.index >= o.agents) {
-      detail::invalid("Agreement: index must be < ", o.agents, ", got ", o.index);
-    }
-    if (o.policy && !o.policy->fuse) detail::invalid("Agreement: the policy is empty");
-    if (o.policy && o.policy->agents != 0 && o.policy->agents != o.agents) {
-      detail::invalid("Agreement: a policy for ", o.policy->agents, " agents, there are ",
-                      o.agents);
-    }
-    detail::require_positive("Agreement", "hold", o.hold);
-    detail::require_positive("Agreement", "fade", o.fade);
-    if (o.ahead < 1 || o.ahead >= open_rounds) {
-      detail::invalid("Agreement: ahead must be in [1, ", open_rounds - 1, "], got ", o.ahead);
-    }
-    detail::require_positive("Agreement", "max_linear", o.max_linear);
-    detail::require_positive("Agreement", "max_angular", o.max_angular);
-    if (!(o.max_span >= Scalar(1) && o.max_span <= Scalar(1e3))) {
-      detail::invalid("Agreement: max_span must be in [1, 1000], got ", o.max_span);
-    }
-    if (!(o.recovery > 0 && o.recovery <= 1)) {
-      detail::invalid("Agreement: recovery must be > 0 and <= 1, got ", o.recovery);
-    }
-    return o;
-  }
-
   Index numbers() const noexcept {
     return 6 + (policy_.difficulties ? 1 : 0) + (options_.spans ? 36 : 0);
   }
@@ -306,6 +268,7 @@ class Agreement {
     if (sent_ && anew) {
       newest_ = number;
       for (Round& round : rounds_) round.open = false;
+      std::fill(latest_numbers_.begin(), latest_numbers_.end(), -largest_round);
     }
     if (anew) fused_round_ = number - 1;
     own_round_ = number;
@@ -362,6 +325,11 @@ class Agreement {
 
   void store(std::size_t agent, long long number, const Said& said,
              std::span<const std::byte> bytes) noexcept {
+    if (options_.latest) {
+      if (number <= latest_numbers_[agent]) return;  // doubled or overtaken
+      latest_numbers_[agent] = number;
+      return put(latest_, agent, said, bytes);
+    }
     if (sent_ && number <= fused_round_) return;
     Round& round = rounds_[static_cast<std::size_t>(number) % open_rounds];
     if (!round.open || number != round.number) {
@@ -370,6 +338,25 @@ class Agreement {
       round.open = true;
       std::fill(round.heard.begin(), round.heard.end(), false);
     }
+    put(round, agent, said, bytes);
+    if (all_heard(round)) {
+      fused_round_ = round.number;
+      fresh_ = fuse(round) || fresh_;
+    }
+  }
+  /// One's own present proposal with the last ones of the others. There is news once each of them
+  /// has been heard again.
+  void fuse_latest() noexcept {
+    const bool all = all_heard(latest_);
+    if (!proposed_ || !(all || complete_)) return;
+    if (options_.pace) latest_.paces[options_.index] = pace_;
+    if (!fuse(latest_) || !all) return;
+    complete_ = fresh_ = true;
+    for (std::size_t i = 0; i < options_.agents; ++i) latest_.heard[i] = i == options_.index;
+  }
+
+  void put(Round& round, std::size_t agent, const Said& said,
+           std::span<const std::byte> bytes) noexcept {
     round.velocities[agent] = said.template head<6>();
     if (policy_.difficulties) round.difficulties[agent] = said(6);
     if (options_.spans) {
@@ -377,26 +364,30 @@ class Agreement {
     }
     if (options_.pace) round.paces[agent] = decode_pace(bytes);
     round.heard[agent] = true;
-    if (std::find(round.heard.begin(), round.heard.end(), false) == round.heard.end()) fuse(round);
+  }
+  static bool all_heard(const Round& round) noexcept {
+    return std::find(round.heard.begin(), round.heard.end(), false) == round.heard.end();
   }
 
-  void fuse(const Round& round) noexcept {
-    fused_round_ = round.number;
+  /// False: as if nothing had been heard.
+  bool fuse(const Round& round) noexcept {
     const Proposals<Scalar> proposals{round.velocities, round.spans, round.difficulties};
     Vector6<Scalar> fused = policy_.fuse(proposals);
     if (options_.spans && plausible(fused)) {
       fused = intersection_.nearest(fused, proposals);
-      if (intersection_.status() != Status::ok) return;
+      if (intersection_.status() != Status::ok) return false;
     }
-    if (!plausible(fused)) return;  // as if nothing had been heard
+    if (!plausible(fused)) return false;
     fused_pace_ = *std::min_element(round.paces.begin(), round.paces.end());
     for (Index i = 0; i < 6; ++i) fused_(i) = static_cast<Scalar>(fused_pace_) * fused(i);
-    fresh_ = true;
+    return true;
   }
 
   AgreementOptions<Scalar> options_;
   FusionPolicy<Scalar> policy_;
   std::vector<Round> rounds_;
+  Round latest_;                           // of each what it said last, where that is fused
+  std::vector<long long> latest_numbers_;  // and in which round
   std::vector<Stray> strays_;
   SpanIntersection<Scalar> intersection_;
   std::vector<std::byte> message_;
@@ -407,6 +398,7 @@ class Agreement {
   double agreed_until_{-infinity<double>}, begin_{-infinity<double>}, last_time_{-infinity<double>};
   double pace_{1}, fused_pace_{1}, commanded_pace_{1}, regain_{1};
   bool agreed_{false}, proposed_{false}, fresh_{false}, sent_{false}, may_regain_{false};
+  bool complete_{false};  // latest_: each was heard once
 };
 
 }  // namespace icat
