@@ -32,9 +32,12 @@ if (study eq 'yes') {
   set key top right inside
   csv = folder.'/sensitivity.csv'
   set title 'bandwidth of the joint loops (rad/s)'
-  plot for [k=0:3] csv index k using 1:2 with linespoints pt 7 title word('50 70 100 120', k+1)
-  set title 'bound of the joint speeds (rad/s)'
-  plot for [k=4:7] csv index k using 1:2 with linespoints pt 7 title word('0.1 0.15 0.25 0.5', k-3)
+  plot for [k=0:3] csv index k using 1:2 with linespoints pt 7 title word('50 75 100 125', k+1)
+  set title 'other choices'
+  plot csv index 2 using 1:2 with linespoints pt 7 title 'as chosen', \
+       csv index 5 using 1:2 with linespoints pt 7 title 'joint speed 0.25 rad/s', \
+       csv index 6 using 1:2 with linespoints pt 7 title 'both arms folded', \
+       csv index 7 using 1:2 with linespoints pt 7 title 'and half duplex fuses whole rounds'
   unset multiplot
 }
 set output
