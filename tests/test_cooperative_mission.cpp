@@ -23,6 +23,8 @@ void expect_success(const Result& r) {
   EXPECT_TRUE(r.finished);
   for (std::size_t k = 0; k < 7; ++k) {
     EXPECT_NEAR(r.ends[k], paper_ends[k], 0.2 * paper_ends[k]) << phase_names[k];
+    const double paper = duration(paper_ends, k);
+    EXPECT_NEAR(duration(r.ends, k), paper, 0.25 * paper) << phase_names[k];
   }
   EXPECT_LT(r.pre_deployment_position, 1e-3);
   EXPECT_LT(r.pre_deployment_orientation, 0.1 * degree);
@@ -40,7 +42,7 @@ void expect_success(const Result& r) {
 TEST(CooperativeMission, InStillWater) {
   const Result r = run({});
   expect_success(r);
-  EXPECT_EQ(r.bits_per_second, 192 / dt);
+  EXPECT_DOUBLE_EQ(r.bits_per_second, 192 / dt);
   // The pipe was carried over five metres, turned and set down.
   const Pose& last = r.samples.back().object;
   EXPECT_LT((last.translation() - deployment.translation()).norm(), 1e-3);
@@ -66,6 +68,11 @@ TEST(CooperativeMission, InACurrentTheArmsCompensate) {
   expect_safe(without);
   expect_safe(with);
   EXPECT_TRUE(with.finished);
+  // Of the second run the paper names the beginning and the end of transport.
+  const auto& [begin, end] = paper_transport_in_current;
+  EXPECT_NEAR(with.ends[2], begin, 0.2 * begin);
+  EXPECT_NEAR(with.ends[3], end, 0.2 * end);
+  EXPECT_NEAR(duration(with.ends, 3), end - begin, 0.25 * (end - begin));
   EXPECT_GT(with.object_speed_error, 0);
   EXPECT_GE(without.object_speed_error, 10 * with.object_speed_error);
   EXPECT_LT(with.drift, 2e-3);
@@ -81,13 +88,19 @@ TEST(CooperativeMission, CentralizedBaseline) {
 
 // Whatever the agents agree on by: both tools move as one.
 TEST(CooperativeMission, WithOtherPolicies) {
-  for (const auto& [policy, spans] :
-       {std::pair{icat::fusion::difficulty_weighted<double>(), false},
-        std::pair{icat::fusion::convex_combination<double>({0.3, 0.7}), false},
-        std::pair{icat::fusion::mean<double>(), true}}) {
+  struct Exchange {
+    icat::FusionPolicy<double> policy;
+    bool spans;
+    double bits;  // of a message
+  };
+  for (const auto& [policy, spans, bits] :
+       {Exchange{icat::fusion::difficulty_weighted<double>(), false, 224},
+        Exchange{icat::fusion::convex_combination<double>({0.3, 0.7}), false, 192},
+        Exchange{icat::fusion::mean<double>(), true, 1344}}) {
     const Result r = run({.policy = policy, .spans = spans});
     expect_safe(r);
     EXPECT_TRUE(r.finished);
+    EXPECT_DOUBLE_EQ(r.bits_per_second, bits / dt);
     EXPECT_LT(r.mismatch, 1e-9);
     EXPECT_LT(r.drift, 2e-3);
     EXPECT_LT(r.deployment_position, 1e-3);

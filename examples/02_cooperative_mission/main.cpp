@@ -108,26 +108,37 @@ bool draw(const fs::path& folder, const char* title, const cooperation::Result& 
       folder, {{"mission", title}, {"tasks", tasks}, {"ends", ends}, {"snapshots", snapshots}});
 }
 
-void print_phases(const std::map<std::string, cooperation::Result>& results) {
-  std::printf("\n| phase ends at (s) | paper |");
+// When the phases end, or how long they take. The paper names two moments of its second run.
+void print_phases(const std::map<std::string, cooperation::Result>& results, bool durations) {
+  const auto value = [&](const auto& ends, std::size_t k) {
+    return durations ? cooperation::duration(ends, k) : ends[k];
+  };
+  std::printf("\n| phase %s (s) | paper |", durations ? "takes" : "ends at");
   for (const auto& v : variants) {
     if (results.contains(v.name)) std::printf(" %s |", v.name);
   }
-  std::printf("\n|---|---|");
+  std::printf(" paper, in the current, compensated |\n|---|---|---|");
   for (std::size_t i = 0; i < results.size(); ++i) std::printf("---|");
   std::printf("\n");
   for (std::size_t k = 0; k < 7; ++k) {
-    std::printf("| %s | %.2f |", cooperation::phase_names[k], cooperation::paper_ends[k]);
+    std::printf("| %s | %.2f |", cooperation::phase_names[k], value(cooperation::paper_ends, k));
     for (const auto& v : variants) {
       const auto r = results.find(v.name);
       if (r == results.end()) continue;
       if (k < r->second.ends.size()) {
-        std::printf(" %.2f |", r->second.ends[k]);
+        std::printf(" %.2f |", value(r->second.ends, k));
       } else {
         std::printf(" - |");
       }
     }
-    std::printf("\n");
+    const auto& [begin, end] = cooperation::paper_transport_in_current;
+    if (k == 2 && !durations) {
+      std::printf(" %.2f |\n", begin);
+    } else if (k == 3) {
+      std::printf(" %.2f |\n", durations ? end - begin : end);
+    } else {
+      std::printf(" |\n");
+    }
   }
 }
 
@@ -200,7 +211,8 @@ int main(int argc, char** argv) {
     write_scene(folder, r);
     if (drawn) drawn = draw(folder, v.title, r);
   }
-  print_phases(results);
+  print_phases(results, false);
+  print_phases(results, true);
   if (arguments.variant.empty() && all_well) {
     print_comparison(results["plain"], results["centralized"]);
     std::printf(

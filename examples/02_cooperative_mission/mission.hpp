@@ -62,13 +62,18 @@ inline Pose start(double side) {
 inline constexpr double dt = 0.01;   ///< s
 inline constexpr double fade = 2.0;  ///< s, of all transitions, "a couple of seconds"
 inline constexpr double minimum_distance = 2.0, distance_margin = 0.5;  // m
-inline constexpr double minimum_manipulability = 0.05, manipulability_margin = 0.04;
+inline constexpr double minimum_manipulability = 0.05, manipulability_margin = 0.06;
 inline constexpr double maximum_attitude = 0.2, attitude_margin = 0.1;     // rad
 inline constexpr double maximum_centering = 0.2, centering_margin = 0.15;  // rad
 inline constexpr double hover_position = 0.15, hover_orientation = 0.1;    // m, rad
 inline constexpr double limit_margin = 0.2;                                // rad
-inline constexpr double tool_gain = 1.4, tool_angular = 0.12;
-inline constexpr double carry_speed = 0.254, work_speed = 0.15;  ///< m/s, of the tool
+inline constexpr double tool_angular = 0.12;                               // rad/s
+/// Of a tool task: gain, 1/s, and largest linear rate, m/s.
+struct Pull {
+  double gain, speed;
+};
+inline constexpr Pull to_grasp{1, 0.15}, to_pre_deployment{1.4, 0.254}, to_seabed{10, 0.19},
+    to_step_back{1.4, 0.15};
 inline constexpr double vehicle_gain = 0.8, vehicle_linear = 0.5, vehicle_angular = 0.35;
 inline constexpr double joint_speed = 1.0, vehicle_speed = 0.8, vehicle_turn = 0.6;
 inline constexpr double settle = 2.5;  ///< s, the phases around the firm grasp, as in the paper
@@ -115,11 +120,11 @@ class Side {
              .gain = vehicle_gain,
              .max_linear_rate = vehicle_linear,
              .max_angular_rate = vehicle_angular}),
-        tool_grasp(robot, tool, pipe_start * grasp_on_pipe(side),
-                   with("tool to grasp", work_speed)),
-        tool_transport(robot, tool, pre_deployment, with("tool to pre-deployment", carry_speed)),
-        tool_deploy(robot, tool, deployment, with("tool to deployment", work_speed)),
-        tool_away(robot, tool, away_goal(side), with("tool to step back", work_speed)),
+        tool_grasp(robot, tool, pipe_start * grasp_on_pipe(side), with("tool to grasp", to_grasp)),
+        tool_transport(robot, tool, pre_deployment,
+                       with("tool to pre-deployment", to_pre_deployment)),
+        tool_deploy(robot, tool, deployment, with("tool to deployment", to_seabed)),
+        tool_away(robot, tool, away_goal(side), with("tool to step back", to_step_back)),
         still_arm(robot, icat::joint_columns(robot)),
         still_vehicle(robot, robot.base_columns()),
         recorder(robot, tool, gripper, camera, (pipe_start * grasp_on_pipe(side)).translation(),
@@ -162,10 +167,10 @@ class Side {
     goal.translation().z() -= step_back;
     return goal;
   }
-  static icat::task::FramePose<Robot>::Options with(const char* name, double speed) {
+  static icat::task::FramePose<Robot>::Options with(const char* name, const Pull& pull) {
     return {.name = name,
-            .gain = tool_gain,
-            .max_linear_rate = speed,
+            .gain = pull.gain,
+            .max_linear_rate = pull.speed,
             .max_angular_rate = tool_angular};
   }
 
@@ -217,6 +222,14 @@ inline const std::array<const char*, 7> phase_names{"navigate", "grasp", "join",
                                                     "deploy",   "part",  "step back"};
 /// [Coop, V-A]
 inline constexpr std::array<double, 7> paper_ends{5.95, 13.2, 15.7, 39.3, 45.04, 47.5, 55};
+/// Of the second run, in the current with compensation: when transport begins and ends.
+inline constexpr std::array<double, 2> paper_transport_in_current{22.99, 47.85};
+
+/// How long phase `k` took, s, of phases that ended at `ends`.
+template <class Ends>
+double duration(const Ends& ends, std::size_t k) {
+  return ends[k] - (k > 0 ? ends[k - 1] : 0);
+}
 
 struct Result {
   std::vector<Sample> samples;
@@ -265,7 +278,8 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
   result.samples.reserve(7000);
   bool grasped = false;
   std::size_t exchanged = 0;  // numbers per robot and cycle, centralised
-  int event = 0;              // cycles left of the grasp or the release
+  std::size_t bytes_sent = 0, exchanges = 0;
+  int event = 0;  // cycles left of the grasp or the release
   Pose object = pipe_start, tool_b_in_a = Pose::Identity();
   icat::Status status = icat::Status::ok;
   const auto check = [&](icat::Status s) {
@@ -305,13 +319,12 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
   std::vector<icat::Phase> phases;
   for (std::size_t k = 0; k < 7; ++k) {
     const char* next = k < 6 ? phase_names[k + 1] : "done";
-    const double paper = paper_ends[k] - (k > 0 ? paper_ends[k - 1] : 0);
     phases.push_back({.name = phase_names[k],
                       .action = phase_names[k],
                       .fade = fade,
                       .until = ends[k],
                       .then = next,
-                      .time_limit = 2 * paper + 3,
+                      .time_limit = 2 * duration(paper_ends, k) + 3,
                       .on_timeout = next});
   }
   phases.push_back({.name = "done", .end = icat::PhaseEnd::success});
@@ -339,6 +352,7 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
     const double t = cycle * dt;
     const std::size_t phase = mission.index();
     const bool cooperating = phase >= 2 && phase <= 5;
+    if (cooperating) ++exchanges;
     std::array<Command, 2> command;
 
     //! [cycle]
@@ -349,9 +363,10 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
       for (std::size_t i = 0; i < 2; ++i) {
         check(agents[i]->propose(t, sides[i]->plant.velocity()));
       }
-      if (cooperating) {  // 24 bytes each way
-        check(agents[1]->receive(0, cycle, agents[0]->send(cycle)));
-        check(agents[0]->receive(1, cycle, agents[1]->send(cycle)));
+      for (std::size_t i = 0; cooperating && i < 2; ++i) {  // 24 bytes each way
+        const auto message = agents[i]->send(cycle);
+        check(agents[1 - i]->receive(i, cycle, message));
+        bytes_sent += message.size();
       }
       for (std::size_t i = 0; i < 2; ++i) {
         check(agents[i]->step(t, sides[i]->plant.velocity()));
@@ -493,8 +508,11 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
   for (const double e : squared_errors) sum += e;
   result.object_speed_error =
       squared_errors.empty() ? 0 : std::sqrt(sum / static_cast<double>(squared_errors.size()));
+  const double bits_sent = 8.0 * static_cast<double>(bytes_sent) / 2;  // by each robot
   result.bits_per_second =
-      (variant.centralized ? 32.0 * static_cast<double>(exchanged) : 192.0) / dt;
+      variant.centralized
+          ? 32.0 * static_cast<double>(exchanged) / dt
+          : bits_sent / (static_cast<double>(std::max<std::size_t>(exchanges, 1)) * dt);
   result.status = status;
   return result;
 }
