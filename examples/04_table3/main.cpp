@@ -114,7 +114,7 @@ void sensitivity(const fs::path& folder) {
     const char* name;
     void (*make)(Parameters&);
   };
-  // The first four and the next three are drawn.
+  // The first four and some of the others are drawn.
   const std::vector<Choice> choices{
       {"joint_bandwidth = 50", [](Parameters& p) { p.joint_bandwidth = 50; }},
       {"joint_bandwidth = 75", [](Parameters& p) { p.joint_bandwidth = 75; }},
@@ -123,10 +123,12 @@ void sensitivity(const fs::path& folder) {
       {"joint_speed = 0.18", [](Parameters& p) { p.joint_speed = 0.18; }},
       {"joint_speed = 0.25", [](Parameters& p) { p.joint_speed = 0.25; }},
       {"both arms folded", [](Parameters& p) { p.start[1] = p.start[0]; }},
-      {"both arms folded, half duplex fuses whole rounds",
+      {"half duplex fuses whole rounds", [](Parameters& p) { p.latest = false; }},
+      {"vehicles too near one another",
        [](Parameters& p) {
-         p.start[1] = p.start[0];
-         p.latest = false;
+         p.distance = 2.5;
+         p.joint_speed = 0.25;
+         p.start = {{{1.2, 1.1, 0, -1.3, 0, 0.2, -1.2}, {-1.2, 1.1, 0, -1.3, 0, 0.2, 1.2}}};
        }},
       {"filter = 2", [](Parameters& p) { p.filter = 2; }},
       {"no moment in the force modification", [](Parameters& p) { p.moment_gain = 0; }}};

@@ -37,7 +37,7 @@ if (study eq 'yes') {
   plot csv index 2 using 1:2 with linespoints pt 7 title 'as chosen', \
        csv index 5 using 1:2 with linespoints pt 7 title 'joint speed 0.25 rad/s', \
        csv index 6 using 1:2 with linespoints pt 7 title 'both arms folded', \
-       csv index 7 using 1:2 with linespoints pt 7 title 'and half duplex fuses whole rounds'
+       csv index 7 using 1:2 with linespoints pt 7 title 'half duplex fuses whole rounds'
   unset multiplot
 }
 set output

@@ -86,6 +86,7 @@ struct Parameters {
   double tool_linear = 0.15;       ///< m/s
   double tool_angular = 0.15;      ///< rad/s
   double joint_speed = 0.15;       ///< rad/s, bound of each joint
+  double distance = 2;             ///< m, between the vehicles, active half a metre before
   double vehicle_speed = 0.5;      ///< m/s, bound along each axis
   double vehicle_turn = 0.3;       ///< rad/s, bound about each axis
   double joint_bandwidth = 100;    ///< rad/s, of the PI loops

@@ -49,7 +49,7 @@ class Side {
         tool_frame_(robot.frame("tool")),
         joint_limits_(robot, {.margin = 0.2, .gain = 0.5}),
         distance_(robot, robot.base(), plant.robot(1 - index).vehicle().translation(),
-                  Objective::at_least(2.0, 0.5), {.gain = 0.5}),
+                  Objective::at_least(p.distance, 0.5), {.gain = 0.5}),
         manipulability_(robot, tool_frame_, Objective::at_least(0.05, 0.04)),
         attitude_(robot, robot.base(), {.norm = Objective::at_most(0.2, 0.1), .gain = 0.5}),
         transport_(robot, tool_frame_, pre_deployment, carefully(p, "tool to pre-deployment")),

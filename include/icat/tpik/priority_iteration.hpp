@@ -13,7 +13,8 @@
 ///
 /// B, f and C: level_rows.hpp; z: projected_system.hpp. Derivations: docs/solver.md.
 ///
-/// **Erratum** [Coop, Eq. (20)]: `VᵀHV` is `V H Vᵀ` with M = V Σ Vᵀ.
+/// **Convention**: [Coop, Eq. (20)] writes `VᵀHV`, with M = U Σ V; here M = V Σ Vᵀ, so it is
+/// `V H Vᵀ`.
 #pragma once
 
 #include "icat/tpik/level_rows.hpp"
