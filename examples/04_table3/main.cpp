@@ -160,6 +160,10 @@ void sensitivity(const fs::path& folder) {
                     std::count_if(all.begin(), all.end(), [](const auto& r) { return r.holds; })),
                 all.size());
   }
+  csv << "# paper\n# row,force mean (N)\n";
+  for (int i = 2; i <= 11; ++i) {
+    csv << i << ',' << table3::printed(table3::Quantity::force_mean, i) << '\n';
+  }
 }
 
 }  // namespace

@@ -24,20 +24,21 @@ if (study eq 'yes') {
   set output folder.'/sensitivity.png'
   set terminal pngcairo size 1200,500 font 'sans,11' background 'white'
   set multiplot layout 1,2 title 'Mean interaction force of each row'
-  set yrange [0.02:200]
+  set yrange [0.02:1000]
   set ylabel 'F mean (N)'
   set xtics ('T1' 1, 'T2' 2, 'T3' 3, 'T4' 4, 'T5' 5, 'T6' 6, 'T7' 7, 'T8' 8, 'T9' 9, 'T10' 10, 'T11' 11)
   set xrange [0.5:11.5]
   unset xlabel
   set key top right inside
   csv = folder.'/sensitivity.csv'
+  paper = "csv index 11 using 1:2 with linespoints pt 7 lw 2.5 lc rgb 'black' title 'paper'"
   set title 'bandwidth of the joint loops (rad/s)'
-  plot for [k=0:3] csv index k using 1:2 with linespoints pt 7 title word('50 75 100 125', k+1)
+  plot for [k=0:3] csv index k using 1:2 with linespoints pt 7 title word('50 75 100 125', k+1), @paper
   set title 'other choices'
   plot csv index 2 using 1:2 with linespoints pt 7 title 'as chosen', \
        csv index 5 using 1:2 with linespoints pt 7 title 'joint speed 0.25 rad/s', \
        csv index 6 using 1:2 with linespoints pt 7 title 'both arms folded', \
-       csv index 7 using 1:2 with linespoints pt 7 title 'half duplex fuses whole rounds'
+       csv index 7 using 1:2 with linespoints pt 7 title 'half duplex fuses whole rounds', @paper
   unset multiplot
 }
 set output
