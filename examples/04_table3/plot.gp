@@ -31,14 +31,15 @@ if (study eq 'yes') {
   unset xlabel
   set key top right inside
   csv = folder.'/sensitivity.csv'
-  paper = "csv index 11 using 1:2 with linespoints pt 7 lw 2.5 lc rgb 'black' title 'paper'"
   set title 'bandwidth of the joint loops (rad/s)'
-  plot for [k=0:3] csv index k using 1:2 with linespoints pt 7 title word('50 75 100 125', k+1), @paper
+  plot for [k=0:3] csv index k using 1:2 with linespoints pt 7 title word('50 75 100 125', k+1), \
+       csv index 11 using 1:2 with linespoints pt 7 lw 2.5 lc rgb 'black' title 'paper'
   set title 'other choices'
   plot csv index 2 using 1:2 with linespoints pt 7 title 'as chosen', \
        csv index 5 using 1:2 with linespoints pt 7 title 'joint speed 0.25 rad/s', \
        csv index 6 using 1:2 with linespoints pt 7 title 'both arms folded', \
-       csv index 7 using 1:2 with linespoints pt 7 title 'half duplex fuses whole rounds', @paper
+       csv index 7 using 1:2 with linespoints pt 7 title 'half duplex fuses whole rounds', \
+       csv index 11 using 1:2 with linespoints pt 7 lw 2.5 lc rgb 'black' title 'paper'
   unset multiplot
 }
 set output
