@@ -8,7 +8,8 @@
 ///
 /// The model of thrust and drag says how fast the vehicle goes through the water, the DVL how fast
 /// over ground; the current is the difference. Without DVL the prediction goes on with the last
-/// current. An error of the drag is taken for a current: 10 % of it are 5 % of the speed.
+/// current. An error of the drag is taken for a current: 10 % of it are 5 % of the speed. So is a
+/// force that nobody told; where the gate restarts the velocity, the current is in doubt, too.
 ///
 /// The attitude R is taken as exact, and water moves horizontally only. Drag is taken at the end of
 /// a step, to first order (Rosenbrock's step): stable for any dt.
@@ -142,9 +143,11 @@ class VelocityEstimator {
           P_(i, i) / Scalar(2));
       P_(i, i) -= since(i);
     }
+    const long restarts = gate_.restarts();
     const auto correction = detail::correct<Scalar, 5, 3>(P_, z, z.H, gate_);
     for (Index i = 0; i < 3; ++i) P_(i, i) += since(i);
     if (correction.status != Status::ok) return correction.status;
+    if (gate_.restarts() != restarts) doubt_current(z.innovation);
     const Vector3<Scalar> dv = detail::column3(correction.dx, 0, 0);
     velocity_ = detail::plus(velocity_, dv);
     for (Index i = 0; i < 2; ++i) current_(i) += correction.dx(3 + i);
@@ -177,6 +180,14 @@ class VelocityEstimator {
   Vector3<Scalar> current_on_vehicle() const noexcept {
     return detail::transposed_times(attitude_,
                                     Vector3<Scalar>(current_(0), current_(1), Scalar(0)));
+  }
+  // The current may be what led the velocity astray. No more doubt than at first.
+  void doubt_current(const Vector3<Scalar>& error) noexcept {
+    const Vector3<Scalar> on_world = detail::times(attitude_, error);
+    for (Index i = 0; i < 2; ++i) {
+      const Scalar doubt = std::min(std::abs(on_world(i)), options_.initial_current);
+      P_(3 + i, 3 + i) = std::max(P_(3 + i, 3 + i), doubt * doubt);
+    }
   }
   // Of component i of v_r.
   Scalar water_variance(Index i) const noexcept {
