@@ -120,6 +120,14 @@ TEST(MarisGrasp, GoalsStayInTheWorldBetweenPictures) {
   EXPECT_EQ(diver.grasp.position.goal(), before);
 }
 
+// What `see_object` makes of a picture takes the camera to be fixed to the vehicle.
+TEST(MarisGrasp, RefusesACameraOnTheArm) {
+  const Robot robot = make_robot();
+  const icat::FrameId tool = robot.frame("tool"), elbow = robot.frame(icat::maris_elbow);
+  EXPECT_THROW((icat::MarisGrasp<Robot>(robot, {tool, elbow, tool}, folded())),
+               std::invalid_argument);
+}
+
 TEST(MarisGrasp, OfFloats) {
   using FloatRobot = icat::KinematicTree<float, 13>;
   FloatRobot robot = icat::uvms(icat::maris_arm<float>(), {.arm = icat::maris_arm_mount<float>()});

@@ -435,6 +435,7 @@ TYPED_TEST(Held, IsHeldRampedAndBack) {
   EXPECT_THROW((icat::HeldReference<S, 3>({.ramp = NAN})), std::invalid_argument);
   const V wanted(S(0.5), S(-0.25), S(1));
   EXPECT_EQ(reference.update(0), Status::stale_reference);  // none yet
+  EXPECT_EQ(dynamic.update(0), Status::stale_reference);
   EXPECT_EQ(reference.value(), V::Zero());
   int last = 0;  // when one came
   const auto run = [&](int from, int to, bool comes) {
@@ -481,6 +482,22 @@ TYPED_TEST(Held, IsHeldRampedAndBack) {
   for (int k = 0; k < 700; ++k) status = reference.update(5);
   EXPECT_EQ(status, Status::clock_stalled);
   EXPECT_EQ(reference.value(), V::Zero());
+}
+
+// However long it waited for it.
+TEST(HeldReference, TheFirstComesInWithoutAJump) {
+  for (const int waits : {0, 1, 50, 300, 1000}) {
+    icat::HeldReference<double, 1> reference;
+    for (int k = 0; k < waits; ++k) EXPECT_EQ(reference.update(1e-3 * k), Status::stale_reference);
+    double last = 0;
+    for (int k = waits; k < waits + 1100; ++k) {
+      ASSERT_EQ(reference.set(icat::Vector<double, 1>(1.0)), Status::ok);
+      ASSERT_EQ(reference.update(1e-3 * k), Status::ok);
+      EXPECT_LT(reference.value()(0) - last, 0.006) << waits;  // 1 in 0.5 s is 0.002 in the mean
+      last = reference.value()(0);
+    }
+    EXPECT_EQ(last, 1) << waits;
+  }
 }
 
 TEST(MultiRate, DoesNotAllocate) {
