@@ -284,8 +284,8 @@ TEST(VelocityEstimator, OutlierAndRestart) {
   EXPECT_EQ(cycle({0.78, 0, 0}), Status::ok);
 }
 
-// A force that nobody told the filter, or a current that is suddenly there, is a current to it: the
-// DVL is refused until the velocity is restarted, and once is enough.
+// A horizontal force that nobody told the filter, or a current that is suddenly there, is a current
+// to it: the DVL is refused until the velocity is restarted, and once is enough.
 TEST(VelocityEstimator, AForceThatNobodyToldIsLearntAsACurrent) {
   for (const bool flows : {true, false}) {
     icat::VelocityEstimator<double> estimator(vehicle_model());
@@ -311,6 +311,40 @@ TEST(VelocityEstimator, AForceThatNobodyToldIsLearntAsACurrent) {
       EXPECT_NEAR(estimator.current()(0), 0.4, 0.03);
     }
   }
+}
+
+// Ballast is never exact, and a hand takes things: a weight is learnt, not fought with.
+TEST(VelocityEstimator, LearnsTheWeight) {
+  const auto model = vehicle_model();
+  icat::VelocityEstimator<double> estimator(model);
+  icat::VelocityEstimator<double> sure(model, {.initial_weight = 0});
+  icat::Noise noise(5);
+  double w = 0, weight = model.weight_in_water + 30, worst = 0;
+  for (int k = 0; k < 12000; ++k) {
+    if (k == 6000) weight += 25;
+    const double drag = (model.linear_drag(2) + model.quadratic_drag(2) * std::abs(w)) * w;
+    w += dt * (weight - drag) / model.inertia(2);
+    for (auto* each : {&estimator, &sure}) {
+      ASSERT_EQ(each->predict(Vector3::Zero(), Matrix3::Identity(), Vector3::Zero(), dt),
+                Status::ok);
+    }
+    if (k % 12 == 0) {
+      const icat::DvlMeasurement<double> z{.velocity =
+                                               Vector3(0, 0, w) + noise.vector<double, 3>(0.01)};
+      (void)estimator.correct_dvl(z);
+      (void)sure.correct_dvl(z);
+    }
+    const bool settled = k > 1000 && (k < 6000 || k > 7000);
+    if (settled) worst = std::max(worst, std::abs(estimator.velocity()(2) - w));
+    if (k == 5999) {
+      EXPECT_NEAR(estimator.weight_in_water(), weight, 3);
+    }
+  }
+  EXPECT_NEAR(estimator.weight_in_water(), weight, 3);
+  EXPECT_LE(estimator.dvl().restarts(), 1);
+  EXPECT_LT(worst, 0.02);
+  EXPECT_EQ(sure.weight_in_water(), model.weight_in_water);
+  EXPECT_GT(sure.dvl().restarts(), 10);  // what it is for
 }
 
 // ---- Yaw rate
