@@ -412,6 +412,7 @@ TEST(BaseState, CarriesThePoseAlongItsTwist) {
   EXPECT_EQ(state.set(bad, twist, epoch + 1), Status::non_finite);
   EXPECT_EQ(state.set(start, Vector6::Constant(INFINITY), epoch + 1), Status::non_finite);
   EXPECT_EQ(state.set(start, twist, NAN), Status::non_finite);
+  EXPECT_EQ(state.set(start, Vector6::Constant(1e300), epoch + 1), Status::implausible);
   bad = start;
   bad.matrix()(1, 1) += 0.1;
   EXPECT_EQ(state.set(bad, twist, epoch + 1), Status::not_a_rotation);
