@@ -117,6 +117,9 @@ TEST(Mission, RefusesTablesThatAreNone) {
   EXPECT_EQ(maris_mission(options).phase(), "survey");
   options.surveys_after_a_loss = 0;
   EXPECT_THROW((void)maris_mission(options), std::invalid_argument);
+  options.surveys_after_a_loss = 3;
+  options.settle = 0;
+  EXPECT_THROW((void)maris_mission(options), std::invalid_argument);
 }
 
 TEST(Mission, AConditionHasToHold) {

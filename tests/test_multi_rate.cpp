@@ -265,19 +265,23 @@ TEST(MultiRate, EachPartAtItsOwnRate) {
     const icat::InputAge age{.velocity = base.age(t), .pose = base.age(t)};
     if (k % 50 == 0) {  // 20 Hz
       vehicle = robot.update(plant.q(), base.pose(t));
-      if (vehicle == Status::ok) vehicle = controller.step_base(t, base.velocity(), age);
-      if (vehicle == Status::ok) vehicle = vehicle_reference.set(controller.command().tail<6>());
+      if (vehicle == Status::ok) {  // where input is late the command goes to zero
+        vehicle = controller.step_base(t, base.velocity(), age);
+        (void)vehicle_reference.set(controller.command().tail<6>());
+      }
     }
     if (k % 10 == 0) {  // 100 Hz: what the vehicle does not do, the joints make up for
       joints = robot.update(plant.q(), base.pose(t));
       if (joints == Status::ok) joints = controller.step_joint_law(t, age);
     }
-    if (joints == Status::ok) joints = controller.follow_joint_law(t, base.velocity(), age);
-    if (joints == Status::ok) joints = joint_reference.set(controller.command().head<7>());
+    // The law knows how old its pose is.
+    const Status law = controller.follow_joint_law(t, base.velocity(), {.velocity = age.velocity});
+    (void)joint_reference.set(controller.command().head<7>());
     (void)vehicle_reference.update(t);  // 1 kHz, in the loops that follow them: value()
     (void)joint_reference.update(t);
     //! [rates cycle]
-    for (const Status status : {navigation, vehicle, joints}) ASSERT_EQ(status, Status::ok) << t;
+    for (const Status status : {navigation, vehicle, joints, law})
+      ASSERT_EQ(status, Status::ok) << t;
     Vector13 command;
     command << joint_reference.value(), vehicle_reference.value();
     plant.step(command, t, 1e-3);
@@ -408,6 +412,7 @@ TEST(BaseState, CarriesThePoseAlongItsTwist) {
   EXPECT_EQ(state.set(bad, twist, epoch + 1), Status::non_finite);
   EXPECT_EQ(state.set(start, Vector6::Constant(INFINITY), epoch + 1), Status::non_finite);
   EXPECT_EQ(state.set(start, twist, NAN), Status::non_finite);
+  EXPECT_EQ(state.set(start, Vector6::Constant(1e300), epoch + 1), Status::implausible);
   bad = start;
   bad.matrix()(1, 1) += 0.1;
   EXPECT_EQ(state.set(bad, twist, epoch + 1), Status::not_a_rotation);
@@ -431,6 +436,7 @@ TYPED_TEST(Held, IsHeldRampedAndBack) {
   EXPECT_THROW((icat::HeldReference<S, 3>({.ramp = NAN})), std::invalid_argument);
   const V wanted(S(0.5), S(-0.25), S(1));
   EXPECT_EQ(reference.update(0), Status::stale_reference);  // none yet
+  EXPECT_EQ(dynamic.update(0), Status::stale_reference);
   EXPECT_EQ(reference.value(), V::Zero());
   int last = 0;  // when one came
   const auto run = [&](int from, int to, bool comes) {
@@ -477,6 +483,22 @@ TYPED_TEST(Held, IsHeldRampedAndBack) {
   for (int k = 0; k < 700; ++k) status = reference.update(5);
   EXPECT_EQ(status, Status::clock_stalled);
   EXPECT_EQ(reference.value(), V::Zero());
+}
+
+// However long it waited for it.
+TEST(HeldReference, TheFirstComesInWithoutAJump) {
+  for (const int waits : {0, 1, 50, 300, 1000}) {
+    icat::HeldReference<double, 1> reference;
+    for (int k = 0; k < waits; ++k) EXPECT_EQ(reference.update(1e-3 * k), Status::stale_reference);
+    double last = 0;
+    for (int k = waits; k < waits + 1100; ++k) {
+      ASSERT_EQ(reference.set(icat::Vector<double, 1>(1.0)), Status::ok);
+      ASSERT_EQ(reference.update(1e-3 * k), Status::ok);
+      EXPECT_LT(reference.value()(0) - last, 0.006) << waits;  // 1 in 0.5 s is 0.002 in the mean
+      last = reference.value()(0);
+    }
+    EXPECT_EQ(last, 1) << waits;
+  }
 }
 
 TEST(MultiRate, DoesNotAllocate) {

@@ -284,6 +284,69 @@ TEST(VelocityEstimator, OutlierAndRestart) {
   EXPECT_EQ(cycle({0.78, 0, 0}), Status::ok);
 }
 
+// A horizontal force that nobody told the filter, or a current that is suddenly there, is a current
+// to it: the DVL is refused until the velocity is restarted, and once is enough.
+TEST(VelocityEstimator, AForceThatNobodyToldIsLearntAsACurrent) {
+  for (const bool flows : {true, false}) {
+    icat::VelocityEstimator<double> estimator(vehicle_model());
+    icat::Noise noise(5);
+    const auto model = vehicle_model();
+    double v = 0, worst = 0;
+    for (int k = 0; k < 10000; ++k) {
+      const bool on = k > 3000;
+      const double r = v - (on && flows ? 0.4 : 0), force = on && !flows ? 60 : 0;
+      const double drag = (model.linear_drag(0) + model.quadratic_drag(0) * std::abs(r)) * r;
+      v += dt * (force - drag) / model.inertia(0);
+      ASSERT_EQ(estimator.predict(Vector3::Zero(), Matrix3::Identity(), Vector3::Zero(), dt),
+                Status::ok);
+      if (k % 12 == 0) {
+        const Vector3 measured = Vector3(v, 0, 0) + noise.vector<double, 3>(0.01);
+        (void)estimator.correct_dvl({.velocity = measured});
+      }
+      if (k > 4500) worst = std::max(worst, std::abs(estimator.velocity()(0) - v));
+    }
+    EXPECT_EQ(estimator.dvl().restarts(), 1) << flows;
+    EXPECT_LT(worst, 0.03) << flows;
+    if (flows) {
+      EXPECT_NEAR(estimator.current()(0), 0.4, 0.03);
+    }
+  }
+}
+
+// Ballast is never exact, and a hand takes things: a weight is learnt, not fought with.
+TEST(VelocityEstimator, LearnsTheWeight) {
+  const auto model = vehicle_model();
+  icat::VelocityEstimator<double> estimator(model);
+  icat::VelocityEstimator<double> sure(model, {.initial_weight = 0});
+  icat::Noise noise(5);
+  double w = 0, weight = model.weight_in_water + 30, worst = 0;
+  for (int k = 0; k < 12000; ++k) {
+    if (k == 6000) weight += 25;
+    const double drag = (model.linear_drag(2) + model.quadratic_drag(2) * std::abs(w)) * w;
+    w += dt * (weight - drag) / model.inertia(2);
+    for (auto* each : {&estimator, &sure}) {
+      ASSERT_EQ(each->predict(Vector3::Zero(), Matrix3::Identity(), Vector3::Zero(), dt),
+                Status::ok);
+    }
+    if (k % 12 == 0) {
+      const icat::DvlMeasurement<double> z{.velocity =
+                                               Vector3(0, 0, w) + noise.vector<double, 3>(0.01)};
+      (void)estimator.correct_dvl(z);
+      (void)sure.correct_dvl(z);
+    }
+    const bool settled = k > 1000 && (k < 6000 || k > 7000);
+    if (settled) worst = std::max(worst, std::abs(estimator.velocity()(2) - w));
+    if (k == 5999) {
+      EXPECT_NEAR(estimator.weight_in_water(), weight, 3);
+    }
+  }
+  EXPECT_NEAR(estimator.weight_in_water(), weight, 3);
+  EXPECT_LE(estimator.dvl().restarts(), 1);
+  EXPECT_LT(worst, 0.02);
+  EXPECT_EQ(sure.weight_in_water(), model.weight_in_water);
+  EXPECT_GT(sure.dvl().restarts(), 10);  // what it is for
+}
+
 // ---- Yaw rate
 
 // The gyro says otherwise than the model for 2 s, as when the vehicle is held and pushed: it is
@@ -724,6 +787,43 @@ TEST(Navigation, ClocksThatJump) {
   EXPECT_EQ(step(-1e6), 0);
   EXPECT_NEAR(step(0.5), speed * 0.5, 1e-3);
   EXPECT_NEAR(navigation.velocity()(0), speed, 1e-3);
+  // Stamps that do not change, and a loop slower than the longest step: said.
+  for (const double after : {0.0, 2.0}) {
+    Status status = Status::ok;
+    for (int k = 0; k < 20; ++k) {
+      status = navigation.step(now += after, Vector3::Zero(), wrench);
+    }
+    EXPECT_EQ(status, Status::clock_stalled) << after;
+    step(dt);
+  }
+}
+
+// A measurement is of now although rounding says of the future.
+TEST(Navigation, AgesAreRounded) {
+  icat::Navigation<double> navigation(vehicle_model(), icat::Pose<double>::Identity());
+  for (const auto& [age, status] : {std::pair(-1e-16, Status::ok), std::pair(-2e-7, Status::ok),
+                                    std::pair(-1e-3, Status::time_reversed)}) {
+    EXPECT_EQ(navigation.correct_attitude(Matrix3::Identity(), age), status);
+    EXPECT_EQ(navigation.correct_dvl({}, age), status);
+    EXPECT_EQ(navigation.correct_depth(0, age), status);
+  }
+}
+
+// Gyros that die while it rolls: it does not roll for ever.
+TEST(Navigation, WithoutGyrosItDoesNotTurnForEver) {
+  icat::Navigation<double> navigation(vehicle_model(), icat::Pose<double>::Identity());
+  const icat::Vector6<double> wrench = icat::Vector6<double>::Zero();
+  double now = 0, last = 0;
+  for (int k = 0; k < 1000; ++k) {
+    const Vector3 gyro(k < 500 ? 0.5 : NAN, -0.2, 0);
+    (void)navigation.step(now += dt, gyro, wrench);
+    const double rate = navigation.velocity()(3);
+    if (k > 0) {
+      EXPECT_LT(std::abs(rate - last), 0.006);  // no jump
+    }
+    last = rate;
+  }
+  EXPECT_LT(navigation.velocity().tail<3>().norm(), 0.01);
 }
 
 TEST(NavigationAllocates, Nothing) {

@@ -77,6 +77,7 @@ TEST(NavigationConsistency, Velocity) {
     support::Swimmer truth;
     truth.velocity = noise.vector<double, 3>(options.initial_velocity);
     truth.current.head<2>() = noise.vector<double, 2>(options.initial_current);
+    truth.model.weight_in_water += options.initial_weight * noise.normal();
     truth.R = icat::rotation_exp<double>(Vector3(0.05, -0.1, 2));
     for (int k = 0; k < steps; ++k) {
       const double t = k * dt;
@@ -88,6 +89,7 @@ TEST(NavigationConsistency, Velocity) {
                    noise.vector<double, 3>(options.acceleration_noise / std::sqrt(h)), h);
       }
       truth.current.head<2>() += noise.vector<double, 2>(options.current_noise * std::sqrt(dt));
+      truth.model.weight_in_water += options.weight_noise * std::sqrt(dt) * noise.normal();
       ASSERT_EQ(estimator.predict(force, truth.R, angular, dt), Status::ok);
       if (k % 10 == 9) {
         icat::DvlMeasurement<double> z;

@@ -34,14 +34,11 @@ using Joints = icat::Vector<double, 7>;
 // One set for all runs. The paper prints the cut-off and nothing else of this; noise and delay are
 // in the middle of what such sensors have.
 constexpr double plant_dt = 0.001;       // s, and of the joints' drives
-constexpr int feedback_every = 2;        // 500 Hz: velocity feedback, and the arm's law
 constexpr int vehicle_every = 10;        // 100 Hz: the vehicle's loop and its thrusters
 constexpr int law_every = 20;            // 50 Hz: TPIK 2, as a law
 constexpr int base_every = 50;           // 20 Hz: TPIK 1
 constexpr double linear_noise = 0.02;    // m/s, white, on each sample: a DVL
 constexpr double angular_noise = 0.075;  // rad/s, the same: gyros on a hull that vibrates
-constexpr int delay = 15;                // ms, of the feedback
-constexpr double joint_bandwidth = 100;  // rad/s, both poles of each drive
 constexpr double tool_gain = 0.5;        // 1/s
 constexpr double unfiltered = std::numeric_limits<double>::infinity();
 
@@ -50,6 +47,10 @@ struct Variant {
   bool noise = true;           ///< on the feedback
   bool reaction = true;        ///< the arm's motion moves the vehicle
   double arm = 1;              ///< times as heavy as it is, gripper included
+  int every = 2;               ///< ms, of the feedback and the arm's law: 500 Hz
+  int delay = 15;              ///< ms, of the feedback
+  double drives = 100;         ///< rad/s, both poles of each drive
+  double mass = 400;           ///< of the vehicle, kg
   unsigned seed = 1;
 };
 
@@ -81,8 +82,9 @@ inline Joints start() {
 inline Robot make_robot() {
   return icat::uvms(icat::maris_arm<double>(), {.arm = icat::maris_arm_mount<double>()});
 }
-inline Plant make_plant(double arm) {
+inline Plant make_plant(double arm, double mass = 400) {
   auto description = icat::r2_dynamics<double>();
+  description.vehicle = icat::r2_vehicle_body(mass);
   for (auto& link : description.links) {
     link.mass *= arm, link.inertia *= arm, link.added_mass *= arm, link.displaced_mass *= arm;
   }
@@ -140,7 +142,7 @@ class Simulation {
       : variant_(variant),
         robot_(make_robot()),
         tool_(robot_.frame("tool")),
-        plant_(make_plant(variant.arm)),
+        plant_(make_plant(variant.arm, variant.mass)),
         limits_(robot_, {.margin = 0.1}),
         hold_(robot_, tool_, goal(), {.gain = tool_gain}),
         // Without this level TPIK 1 shares the work between arm and vehicle, whose slow loop then
@@ -150,13 +152,13 @@ class Simulation {
                     {.given = icat::ColumnRange{robot_.base_columns().first + 3, 2},  // roll, pitch
                      .solver = {.bounds = speeds()}}),
         filter_(variant.cutoff == unfiltered ? 0 : 1 / variant.cutoff),
-        vehicle_(icat::r2_vehicle_body<double>(), bandwidth()),
+        vehicle_(icat::r2_vehicle_body(variant.mass), bandwidth()),
         allocation_(icat::r2_thrusters<double>(60, -48)),
         thrusters_(8),
         inertia_(felt()),
-        drives_(icat::PiLoop<double, 7>::tuned(inertia_, icat::Filled{joint_bandwidth})),
+        drives_(icat::PiLoop<double, 7>::tuned(inertia_, icat::Filled{variant.drives})),
         held_(drives_),
-        arriving_(delay + 1, Vector6(icat::Filled{0})),
+        arriving_(static_cast<std::size_t>(variant.delay) + 1, Vector6(icat::Filled{0})),
         random_(variant.seed),
         q_(start()) {}
 
@@ -171,9 +173,9 @@ class Simulation {
       velocity = plant_.vehicle_velocity();
       for (int i = 0; i < 3; ++i) velocity(i) += vehicle_now_.linear()(0, i) * current(t);
       velocity_now_ = velocity;
-      if (k % feedback_every == 0) control(k, t);
+      if (k % variant_.every == 0) control(k, t);
       move();
-      if (k % feedback_every == 0 && t >= settled) measure();
+      if (k % variant_.every == 0 && t >= settled) measure();
     }
     for (double* sum : {&result_.reference, &result_.acceleration, &result_.rate, &result_.position,
                         &result_.orientation, &result_.tool_speed}) {
@@ -220,8 +222,9 @@ class Simulation {
       feedback(i) += (i < 3 ? linear_noise : angular_noise) * normal_(random_);
     }
     keep(robot_.update(q_, vehicle_now_));
+    const double dt = plant_dt * variant_.every;
     //! [filter]
-    keep(filter_.update(feedback, 0.002));  // icat::LowPass<double, 6>, time constant 1/ω
+    keep(filter_.update(feedback, dt));  // icat::LowPass<double, 6>, time constant 1/ω
     const Vector6 measured = filter_.value();
     if (k % base_every == 0) keep(controller_.step_base(t, measured));  // TPIK 1
     if (k % law_every == 0) keep(controller_.step_joint_law(t));        // TPIK 2

@@ -62,7 +62,7 @@ class MarisGrasp {
 
   /// Until the first picture the goal is where the tool is, and the object straight ahead of the
   /// camera. `preferred`: the shape, one entry for each joint. `robot` must outlive this.
-  /// @throws std::invalid_argument on settings out of range.
+  /// @throws std::invalid_argument on settings out of range, or a camera that a joint moves.
   [[gnu::cold]] MarisGrasp(const R& robot, const GraspFrames& frames, const Positions& preferred)
       : MarisGrasp(robot, frames, preferred, Options{}) {}
   /// The same with options.
@@ -88,7 +88,16 @@ class MarisGrasp {
             robot, frames.tool, detail::rotation(robot.pose(frames.tool)),
             {.name = "tool orientation", .gain = options.gain, .max_rate = options.angular_rate}),
         shape(robot, preferred, {.name = "preferred shape", .gain = options.shape_gain}),
-        camera_(frames.camera) {}
+        camera_(frames.camera) {
+    const auto J = robot.jacobian(frames.camera);
+    for (Index c = 0; c < robot.dof(); ++c) {
+      for (Index i = 0; i < 6 && !robot.base_columns().holds(c); ++i) {
+        if (!(std::abs(J(i, c)) < Scalar(1e-6))) {
+          detail::invalid("MarisGrasp: column ", c, " moves the camera");
+        }
+      }
+    }
+  }
 
   /// The levels of the file comment.
   [[gnu::cold]] Action<R> action(const std::string& name = "grasp") {

@@ -12,6 +12,7 @@
 
 #include "icat/core/status.hpp"
 #include "icat/math/rigid_motion.hpp"
+#include "icat/tpik/level_check.hpp"
 
 namespace icat {
 
@@ -20,13 +21,17 @@ template <class Scalar>
 class BaseState {
  public:
   /// ⟨b⟩ in ⟨0⟩ and its twist (components on ⟨b⟩, m/s, rad/s) as they were at `stamp`, s. What is
-  /// not finite, or no rotation, is refused: the sample before stays, and gets old.
+  /// not finite, no rotation, or faster than 1e6 (`implausible`) is refused: the sample before
+  /// stays, and gets old.
   Status set(const Pose<Scalar>& pose, const Vector6<Scalar>& velocity, double stamp) noexcept {
     if (!detail::all_finite(pose.matrix()) || !detail::all_finite(velocity) ||
         !std::isfinite(stamp)) {
       return Status::non_finite;
     }
     if (!is_rigid(pose)) return Status::not_a_rotation;
+    for (Index i = 0; i < 6; ++i) {
+      if (std::abs(velocity(i)) > Scalar(implausible_speed)) return Status::implausible;
+    }
     pose_ = pose;
     velocity_ = velocity;
     stamp_ = stamp;

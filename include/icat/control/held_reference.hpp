@@ -3,7 +3,7 @@
 /// A reference on the side of its reader: v̄ at the vehicle's velocity loop, q̇ at the drives of the
 /// arm, which run faster than what computes it [MARIS, III-B9]. The newest one is held. What
 /// happens when none comes any more is ours: one that is older than `hold` goes to zero over
-/// `ramp`, and comes back over `ramp` (command_ramp.hpp).
+/// `ramp`, and comes back over `ramp` (command_ramp.hpp). The first comes in over `ramp`, too.
 #pragma once
 
 #include "icat/control/command_ramp.hpp"
@@ -22,12 +22,11 @@ class HeldReference {
   /// @throws std::invalid_argument on times that are not finite and > 0, or no size.
   [[gnu::cold]] explicit HeldReference(const TimeOptions& options = {}, Index size = N)
       : hold_(options.hold),
+        fade_(options.ramp),
         clock_(options.max_step),
         ramp_(checked(size), options),
         held_(detail::zeros<VectorN>(size)),
-        value_(held_) {
-    ramp_.start();
-  }
+        value_(held_) {}
 
   /// A new reference. What is not finite or of another size is refused: the one before stays, and
   /// gets old.
@@ -35,6 +34,7 @@ class HeldReference {
     if (reference.size() != held_.size()) return Status::wrong_size;
     if (!detail::all_finite(reference)) return Status::non_finite;
     detail::copy(reference, held_);
+    ramp_.resume(fade_, value_, 0);  // from zero; does nothing after the first
     age_ = 0;
     return Status::ok;
   }
@@ -62,7 +62,7 @@ class HeldReference {
     return size;
   }
 
-  double hold_, age_{infinity<double>};
+  double hold_, fade_, age_{infinity<double>};
   StepClock clock_;
   CycleTime time_;
   detail::CommandRamp<Scalar, N> ramp_;

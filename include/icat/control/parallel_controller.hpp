@@ -136,7 +136,7 @@ class ParallelController {
     return solve_law(prepare(first_.update(time), measured, age), age);
   }
   /// New velocities of the joints by the law, without solving: q̇ = ρ̃ + P v for a newer measurement
-  /// of the base. The law is as old as its state.
+  /// of the base. The law is as old as its state; what `age` says of state and pose is added.
   template <class V>
   Status follow_joint_law(double time, const Eigen::MatrixBase<V>& measured,
                           InputAge age = {}) noexcept {

@@ -32,7 +32,7 @@ struct MarisMissionOptions {
   std::function<bool()> at_grasp = {};
   /// The arm has the posture for transportation, such as each joint to 0.05 rad.
   std::function<bool()> at_posture = {};
-  double settle = 0.5;           ///< s: so long `at_grasp` has to hold
+  double settle = 0.5;           ///< s, > 0: so long `at_grasp` has to hold
   double survey_limit = 600;     ///< s
   double approach_limit = 120;   ///< s
   double close_limit = 10;       ///< s
@@ -67,8 +67,8 @@ constexpr const char* describe(GraspFailure failure) noexcept {
 
 /// The mission of the file comment. Its events: "object detected", at the first detection that is
 /// sure; "object lost", not seen for 3 s or so, which is for the vision to judge; "grasp closed"
-/// and "grasp empty" from the hand; "out of bounds" and "fault" from whoever watches. That a time is
-/// up or the posture reached the mission finds out by itself. Its actions: "survey", "grasp",
+/// and "grasp empty" from the hand; "out of bounds" and "fault" from whoever watches. That a time
+/// is up or the posture reached the mission finds out by itself. Its actions: "survey", "grasp",
 /// "carry".
 /// @throws std::invalid_argument without conditions, or on numbers out of range (see `Mission`).
 [[gnu::cold]] inline Mission maris_mission(const MarisMissionOptions& options) {
@@ -77,6 +77,8 @@ constexpr const char* describe(GraspFailure failure) noexcept {
     detail::invalid("maris_mission: surveys_after_a_loss must be > 0, got ",
                     o.surveys_after_a_loss);
   }
+  // When the approach begins, the errors of its tasks are still those of before.
+  detail::require_positive("maris_mission", "settle", o.settle);
   std::vector<Phase> phases{
       {.name = "survey",
        .action = "survey",

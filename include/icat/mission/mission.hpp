@@ -47,11 +47,13 @@ struct Reaction {
 
 /// A row of the table.
 struct Phase {
-  std::string name = "";              ///< in reports and in the rows of other phases
-  std::string action = "";            ///< of the controller; none: it stops
-  double fade = 2;                    ///< s, > 0: into the action, or to a stop; "a couple" [Coop]
-  std::function<bool()> until = {};   ///< a condition that ends it; must not throw
-  double hold = 0;                    ///< s: so long the condition has to be met
+  std::string name = "";             ///< in reports and in the rows of other phases
+  std::string action = "";           ///< of the controller; none: it stops
+  double fade = 2;                   ///< s, > 0: into the action, or to a stop; "a couple" [Coop]
+  std::function<bool()> until = {};  ///< a condition that ends it; must not throw
+  /// s: so long the condition has to be met. > 0 where it asks for a task's error: that is of the
+  /// task's last update, which an action that has just been entered has yet to bring.
+  double hold = 0;
   std::string then = "";              ///< the phase that follows the condition
   double time_limit = no_time_limit;  ///< s: a phase that lasts longer is ended
   std::string on_timeout = "";        ///< the phase that follows the time limit

@@ -9,6 +9,7 @@
 /// all steps since would take a time that depends on the delay.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -70,10 +71,12 @@ class History {
   std::size_t newest_{0}, count_{0};
 };
 
-/// Whether a measurement of this age can be used.
-inline Status check_age(double age) noexcept {
+/// Whether a measurement of this age can be used. A microsecond from the future counts as now:
+/// stamps are rounded.
+inline Status check_age(double& age) noexcept {
   if (!std::isfinite(age)) return Status::non_finite;
-  if (age < 0) return Status::time_reversed;
+  if (age < -1e-6) return Status::time_reversed;
+  age = std::max(age, 0.0);
   return age > History<Vector<double, 1>>::length ? Status::late_measurement : Status::ok;
 }
 

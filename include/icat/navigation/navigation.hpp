@@ -46,15 +46,17 @@ class Navigation {
         position_(detail::origin(start), options.position) {}
 
   /// One step of all predictions. Answers with the first complaint; the rest of the step is done
-  /// all the same: without gyros the attitude stays and its variance grows, without wrench the last
-  /// one goes on. A yaw rate that the gate refuses is counted there and is no complaint. No
-  /// allocation.
+  /// all the same: without gyros the attitude stays, its variance grows and the rates of roll and
+  /// pitch go to zero within seconds, without wrench the last one goes on. A yaw rate that the gate
+  /// refuses is counted there and is no complaint. `clock_stalled`: the time stands still, or every
+  /// step is longer than the longest. No allocation.
   /// @param now     s; differences count, see core/step_clock.hpp; longest step 1 s
   /// @param gyro    measured angular velocity on ⟨v⟩, rad/s
   /// @param wrench  of the thrusters, and what else is known but weight and drag, on ⟨v⟩, N, N m
   Status step(double now, const Vector3<Scalar>& gyro, const Vector6<Scalar>& wrench) noexcept {
     Status result = clock_.advance(now);
     if (result != Status::ok) return result;
+    if (clock_.stalled()) result = Status::clock_stalled;
     const double dt = clock_.step();
     const auto note = [&](Status status) {
       if (result == Status::ok) result = status;
@@ -72,6 +74,8 @@ class Navigation {
       if (yaw != Status::outlier) note(yaw);  // of thousand good ones three are
     } else {
       note(attitude_.coast(dt));
+      // As the attitude does: no rate is known to last longer than a second.
+      angular_ = detail::scaled(angular_, static_cast<Scalar>(std::exp(-dt)));
     }
     angular_(2) = yaw_rate_.rate();
     note(velocity_.predict(detail::column3(wrench_, 0, 0), attitude_.attitude(), angular_, dt));

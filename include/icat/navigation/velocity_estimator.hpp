@@ -1,14 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
 /// Linear velocity over ground and the current of the water: the second of four estimators in
-/// [MARIS, V], which prints no equations. Ours, x = (u, v, w, c_N, c_E), v on ⟨v⟩, c on ⟨0⟩:
+/// [MARIS, V], which prints no equations. Ours, x = (u, v, w, c_N, c_E, W), v on ⟨v⟩, c on ⟨0⟩:
 ///
-///     v_r = v − Rᵀ c,   M (v̇_r + w₁) = f − (d + D |v_r|) v_r − ω × M v_r,   ċ = w₂
+///     v_r = v − Rᵀ c,   M (v̇_r + w₁) = f + Rᵀ W z − (d + D |v_r|) v_r − ω × M v_r
+///     ċ = w₂,   Ẇ = w₃
 ///     z = v + ω × r + n                                         (DVL at r, see dvl.hpp)
 ///
 /// The model of thrust and drag says how fast the vehicle goes through the water, the DVL how fast
 /// over ground; the current is the difference. Without DVL the prediction goes on with the last
-/// current. An error of the drag is taken for a current: 10 % of it are 5 % of the speed.
+/// current. An error of the drag is taken for a current: 10 % of it are 5 % of the speed. So is a
+/// horizontal force that nobody told. A vertical one is taken for weight W in water, which no
+/// vehicle knows to the newton: ballast, or what the hand has taken. Where the gate restarts the
+/// velocity, current and weight are in doubt, too.
 ///
 /// The attitude R is taken as exact, and water moves horizontally only. Drag is taken at the end of
 /// a step, to first order (Rosenbrock's step): stable for any dt.
@@ -33,12 +37,14 @@ class VelocityEstimator {
     Scalar beam_noise = static_cast<Scalar>(0.01);           ///< of each beam, m/s, > 0
     Scalar initial_velocity = static_cast<Scalar>(0.1);      ///< of v at first, m/s
     Scalar initial_current = static_cast<Scalar>(0.3);       ///< of c at first, m/s
+    Scalar weight_noise = static_cast<Scalar>(0.1);          ///< w₃, N/√s
+    Scalar initial_weight = static_cast<Scalar>(30);         ///< of W at first, N; 0: it is known
     DvlGeometry<Scalar> dvl{};                               ///< place and beams
   };
-  /// Of x.
+  /// Of (v, c).
   using Covariance = detail::Square<Scalar, 5>;
 
-  /// v = 0, c = 0.
+  /// v = 0, c = 0, W that of the model.
   /// @throws std::invalid_argument on a model, noise or geometry that is out of range.
   explicit VelocityEstimator(const VehicleModel<Scalar>& model, const Options& options = Options())
       : model_(model), options_(options) {
@@ -52,8 +58,12 @@ class VelocityEstimator {
     check("current_noise", options.current_noise);
     check("initial_velocity", options.initial_velocity);
     check("initial_current", options.initial_current);
-    for (int i = 0; i < 5; ++i) {
-      const Scalar deviation = i < 3 ? options.initial_velocity : options.initial_current;
+    check("weight_noise", options.weight_noise);
+    check("initial_weight", options.initial_weight);
+    for (int i = 0; i < 6; ++i) {
+      const Scalar deviation = i < 3   ? options.initial_velocity
+                               : i < 5 ? options.initial_current
+                                       : options.initial_weight;
       P_(i, i) = deviation * deviation;
     }
   }
@@ -79,6 +89,7 @@ class VelocityEstimator {
 
     // B = ∂v_r⁺/∂v_r
     Matrix3<Scalar> B;
+    Matrix6<Scalar> F = IdentityMatrix{};
     Vector3<Scalar> momentum, next;
     for (Index i = 0; i < 3; ++i) momentum(i) = model_.inertia(i) * water(i);
     const Vector3<Scalar> turning = detail::cross(angular, momentum);
@@ -89,13 +100,13 @@ class VelocityEstimator {
                                             water(i), water_variance(i));
       const Scalar keep = Scalar(1) / (Scalar(1) + h * drag.slope / m);
       const Scalar weight = attitude_(2, i) * model_.weight_in_water;
+      F(i, 5) = keep * h * attitude_(2, i) / m;
       next(i) = water(i) + keep * h * (force(i) + weight - drag.force - turning(i)) / m;
       for (Index j = 0; j < 3; ++j) {
         B(i, j) = i == j ? keep : -keep * h * W(i, j) * model_.inertia(j) / m;
       }
     }
 
-    Covariance F = IdentityMatrix{};
     for (Index i = 0; i < 3; ++i) {
       for (Index j = 0; j < 3; ++j) F(i, j) = B(i, j);
       for (Index j = 0; j < 2; ++j) {
@@ -107,9 +118,11 @@ class VelocityEstimator {
     velocity_ = detail::plus(next, current_on_vehicle());
     const Scalar qv = options_.acceleration_noise * options_.acceleration_noise * h;
     const Scalar qc = options_.current_noise * options_.current_noise * h;
-    Vector<Scalar, 5> q;
+    Vector6<Scalar> q;
     for (Index i = 0; i < 5; ++i) q(i) = i < 3 ? qv : qc;
-    detail::propagate<Scalar, 5>(P_, F, q);
+    q(5) = options_.initial_weight > Scalar(0) ? options_.weight_noise * options_.weight_noise * h
+                                               : Scalar(0);
+    detail::propagate<Scalar, 6>(P_, F, q);
 
     angular_ = angular;
     time_ += dt;
@@ -121,7 +134,7 @@ class VelocityEstimator {
   /// The DVL measured `measurement` `age` s ago, 0 … 0.5. `not_measured`: fewer than three beams.
   /// `outlier`: refused by the gate. `late_measurement`: too old. No allocation.
   Status correct_dvl(const DvlMeasurement<Scalar>& measurement, double age = 0) noexcept {
-    detail::Observation<Scalar, 5, 3> z;
+    detail::Observation<Scalar, 6, 3> z;
     Status status = detail::check_age(age);
     if (status != Status::ok) return status;
     if (!detail::dvl_covariance(options_.dvl, measurement.beams, z.R)) return Status::not_measured;
@@ -142,12 +155,15 @@ class VelocityEstimator {
           P_(i, i) / Scalar(2));
       P_(i, i) -= since(i);
     }
-    const auto correction = detail::correct<Scalar, 5, 3>(P_, z, z.H, gate_);
+    const long restarts = gate_.restarts();
+    const auto correction = detail::correct<Scalar, 6, 3>(P_, z, z.H, gate_);
     for (Index i = 0; i < 3; ++i) P_(i, i) += since(i);
     if (correction.status != Status::ok) return correction.status;
+    if (gate_.restarts() != restarts) doubt(z.innovation);
     const Vector3<Scalar> dv = detail::column3(correction.dx, 0, 0);
     velocity_ = detail::plus(velocity_, dv);
     for (Index i = 0; i < 2; ++i) current_(i) += correction.dx(3 + i);
+    model_.weight_in_water += correction.dx(5);
     history_.for_each([&](Vector3<Scalar>& then) { then = detail::plus(then, dv); });
     return Status::ok;
   }
@@ -160,8 +176,16 @@ class VelocityEstimator {
   }
   /// c, north and east, m/s.
   const Vector<Scalar, 2>& current() const noexcept { return current_; }
+  /// W, weight less buoyancy, N.
+  Scalar weight_in_water() const noexcept { return model_.weight_in_water; }
   /// Of (v, c).
-  const Covariance& covariance() const noexcept { return P_; }
+  Covariance covariance() const noexcept {
+    Covariance P;
+    for (Index j = 0; j < 5; ++j) {
+      for (Index i = 0; i < 5; ++i) P(i, j) = P_(i, j);
+    }
+    return P;
+  }
   /// Of v alone.
   Matrix3<Scalar> velocity_covariance() const noexcept {
     Matrix3<Scalar> P;
@@ -178,6 +202,15 @@ class VelocityEstimator {
     return detail::transposed_times(attitude_,
                                     Vector3<Scalar>(current_(0), current_(1), Scalar(0)));
   }
+  // Current or weight may be what led the velocity astray. No more doubt than at first.
+  void doubt(const Vector3<Scalar>& error) noexcept {
+    const Vector3<Scalar> on_world = detail::times(attitude_, error);
+    for (Index i = 0; i < 3; ++i) {
+      const Scalar doubt = i < 2 ? std::min(std::abs(on_world(i)), options_.initial_current)
+                                 : options_.initial_weight;
+      P_(3 + i, 3 + i) = std::max(P_(3 + i, 3 + i), doubt * doubt);
+    }
+  }
   // Of component i of v_r.
   Scalar water_variance(Index i) const noexcept {
     const Scalar n = attitude_(0, i), e = attitude_(1, i);
@@ -193,7 +226,7 @@ class VelocityEstimator {
   Vector3<Scalar> velocity_ = Filled{0}, angular_ = Filled{0}, previous_ = Filled{0};
   Vector<Scalar, 2> current_ = Filled{0};
   Matrix3<Scalar> attitude_ = IdentityMatrix{};
-  Covariance P_ = Filled{0};
+  Matrix6<Scalar> P_ = Filled{0};
   MeasurementGate gate_;
   detail::History<Vector3<Scalar>> history_;
   double time_{0};
