@@ -4,11 +4,11 @@
 // here.
 #include <gtest/gtest.h>
 
-#include <Eigen/SVD>
 #include <cstdio>
 #include <icat/icat.hpp>
 
 #include "support/archetypes.hpp"
+#include "support/linear_algebra.hpp"
 #include "support/sized_arms.hpp"
 
 namespace {
@@ -106,7 +106,7 @@ TEST(CharacteristicLength, OfBasesSlidesAndWhatCannotMove) {
 /// Of J with its rows in metres divided by the reach.
 double smallest_singular_value(Eigen::MatrixXd J, double reach) {
   J.topRows(std::min<Eigen::Index>(3, J.rows())) /= reach;
-  return Eigen::JacobiSVD<Eigen::MatrixXd>(J).singularValues().minCoeff();
+  return testing_support::singular_values(J).minCoeff();
 }
 
 /// The part of the rate of the position that is lost, of a task whose goal is about a tenth of the

@@ -8,6 +8,7 @@
 #include <memory>
 #include <random>
 
+#include "support/linear_algebra.hpp"
 #include "support/task_checks.hpp"
 
 namespace {
@@ -397,7 +398,7 @@ double follow(Tree& robot, icat::Task<Tree>& t, TreeState& s, FrameId frame, int
         t.reference().template cast<double>().cwiseProduct(t.activation().template cast<double>());
     const Eigen::MatrixXd G =
         J * J.transpose() + 1e-9 * Eigen::MatrixXd::Identity(J.rows(), J.rows());
-    const Eigen::VectorXd y = J.transpose() * G.ldlt().solve(rate);
+    const Eigen::VectorXd y = J.transpose() * testing_support::solve(G, rate);
     if (k == 0) first = (robot.jacobian(frame).template cast<double>() * y).tail(3).norm();
     s.q += dt * y.head(14);
     s.base = icat::integrate<double>(s.base, y.tail(6), dt);
@@ -507,7 +508,7 @@ TEST(Directions, FeedForwardFollowsAMovingTarget) {
       const Eigen::VectorXd forward = at(0, rest, v) - at(0, rest, still);
       most = std::max(most, forward.norm());
       const Eigen::MatrixXd J = t.jacobian();
-      const Eigen::VectorXd y = J.transpose() * (J * J.transpose()).ldlt().solve(forward);
+      const Eigen::VectorXd y = J.transpose() * testing_support::solve(J * J.transpose(), forward);
       const Eigen::VectorXd change = (at(h, y, still) - at(-h, y, still)) / (2 * h);
       EXPECT_LT(change.norm(), 1e-7) << t.name() << ": " << s.name;
     }

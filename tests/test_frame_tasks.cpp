@@ -7,6 +7,7 @@
 #include <icat/task/frame_tasks.hpp>
 #include <random>
 
+#include "support/linear_algebra.hpp"
 #include "support/task_checks.hpp"
 
 namespace {
@@ -519,9 +520,9 @@ Vector3<double> follow(Tree& robot, icat::Task<Tree>& t, TreeState& s, icat::Fra
     const Eigen::VectorXd rate =
         t.reference().template cast<double>().cwiseProduct(t.activation().template cast<double>());
     const Eigen::VectorXd y =
-        J.transpose() * (J * J.transpose() + 1e-9 * Eigen::MatrixXd::Identity(J.rows(), J.rows()))
-                            .ldlt()
-                            .solve(rate);
+        J.transpose() *
+        testing_support::solve(
+            J * J.transpose() + 1e-9 * Eigen::MatrixXd::Identity(J.rows(), J.rows()), rate);
     if (k == 0) first = (robot.jacobian(frame).template cast<double>() * y).template tail<3>();
     s.q += dt * y.head(14);
     s.base = icat::integrate<double>(s.base, y.tail(6), dt);

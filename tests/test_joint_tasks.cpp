@@ -8,6 +8,7 @@
 #include <icat/task/manipulability.hpp>
 #include <random>
 
+#include "support/linear_algebra.hpp"
 #include "support/task_checks.hpp"
 
 namespace {
@@ -533,8 +534,9 @@ TYPED_TEST(JointTasks, ManipulabilityHasAnExactGradient) {
                                                    : Eigen::MatrixXd(part * part.transpose());
       // A determinant within rounding of 0 has a root of √rounding.
       const double square = static_cast<double>(t.value() * t.value());
-      EXPECT_NEAR(square, gram.determinant(),
-                  (sizeof(S) == 4 ? 1e-5 : 1e-13) * std::max(1.0, gram.determinant()));
+      const double determinant = testing_support::determinant(gram);
+      EXPECT_NEAR(square, determinant,
+                  (sizeof(S) == 4 ? 1e-5 : 1e-13) * std::max(1.0, determinant));
       EXPECT_NEAR(t.reference()(0), S(gain) * (S(1) - t.value()), roundings<S>(10));
       if constexpr (std::is_same_v<S, float>) {
         place(twin, s);
@@ -552,8 +554,7 @@ TEST(Manipulability, TheMeasureIsThatOfTheSingularValues) {
   const auto orthogonal = [&](Index n, Index columns) {
     Eigen::MatrixXd a(n, n);
     for (Index i = 0; i < a.size(); ++i) a(i) = normal(rng);
-    const Eigen::MatrixXd q = Eigen::HouseholderQR<Eigen::MatrixXd>(a).householderQ();
-    return Eigen::MatrixXd(q.leftCols(columns));
+    return Eigen::MatrixXd(testing_support::orthogonal(a).leftCols(columns));
   };
   for (const Index m : {1, 2, 3, 5, 6, 7, 12}) {
     const Index side = std::min<Index>(m, 6);
@@ -598,10 +599,11 @@ TEST(Manipulability, TheGradientIsThatOfTheTraceFormula) {
     };
     const auto J = jacobian(state.q);
     mu.update();
-    EXPECT_NEAR(mu.value(), std::sqrt((J * J.transpose()).determinant()), 1e-9);
+    EXPECT_NEAR(mu.value(), std::sqrt(testing_support::determinant(J * J.transpose())), 1e-9);
     const Eigen::RowVectorXd gradient = mu.jacobian();
     const double value = mu.value();
-    const Eigen::Matrix<double, 7, 6> pinv = J.transpose() * (J * J.transpose()).inverse();
+    const Eigen::Matrix<double, 7, 6> pinv =
+        J.transpose() * testing_support::inverse(J * J.transpose());
     for (Index i = 0; i < 7; ++i) {
       icat::Vector<double, 7> plus = state.q, minus = state.q;
       plus(i) += 1e-6;

@@ -2,13 +2,13 @@
 // Null-space-based guidance against [NSB, Eq. (33)] as printed, with an SVD of everything.
 #include <gtest/gtest.h>
 
-#include <Eigen/SVD>
 #include <icat/tpik/null_space_guidance.hpp>
 #include <limits>
 #include <random>
 #include <vector>
 
 #include "support/allocation_counter.hpp"
+#include "support/linear_algebra.hpp"
 
 namespace {
 
@@ -23,13 +23,7 @@ struct RandomTask {
 };
 
 /// The Moore-Penrose inverse, with the tolerance that the header documents.
-MatrixXd pseudo_inverse(const MatrixXd& J) {
-  const Eigen::JacobiSVD<MatrixXd> svd(J, Eigen::ComputeThinU | Eigen::ComputeThinV);
-  VectorXd inverse = svd.singularValues();
-  const double smallest = 1.5e-8 * inverse(0);
-  for (double& s : inverse) s = s > smallest ? 1 / s : 0;
-  return svd.matrixV() * inverse.asDiagonal() * svd.matrixU().transpose();
-}
+MatrixXd pseudo_inverse(const MatrixXd& J) { return testing_support::pseudo_inverse(J, 1.5e-8); }
 
 /// Eq. (33).
 VectorXd literal(const std::vector<RandomTask>& tasks, Index n) {

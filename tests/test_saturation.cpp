@@ -7,6 +7,7 @@
 #include <icat/model/kinematic_tree.hpp>
 #include <icat/tpik/tpik.hpp>
 
+#include "support/linear_algebra.hpp"
 #include "support/random_hierarchy.hpp"
 #include "support/robots.hpp"
 #include "support/sanitized.hpp"
@@ -130,9 +131,8 @@ VectorXd minimum(const MatrixXd& G, const VectorXd& p, double bound) {
     double cost = 0;
     if (!held.empty()) {
       const MatrixXd g = G(held, held);
-      const Eigen::FullPivLU<MatrixXd> lu(g);
-      if (lu.rank() < g.rows()) continue;
-      const VectorXd mu = lu.solve((target - p)(held));
+      if (testing_support::rank(g) < g.rows()) continue;
+      const VectorXd mu = testing_support::solve(g, (target - p)(held));
       x += G(Eigen::all, held) * mu;
       cost = mu.dot(g * mu);
     }
@@ -153,8 +153,7 @@ TEST(Redistribution, IsTheMinimum) {
     const Eigen::Index n = gen.integer(2, 5), rank = gen.integer(0, static_cast<int>(n));
     MatrixXd Q = MatrixXd::Zero(n, n);
     if (rank > 0) {
-      const MatrixXd B = Eigen::HouseholderQR<MatrixXd>(gen.matrix(n, rank)).householderQ() *
-                         MatrixXd::Identity(n, rank);
+      const MatrixXd B = testing_support::orthogonal(gen.matrix(n, rank)).leftCols(rank);
       Q = B * B.transpose();
     }
     const double bound = 0.5;
@@ -190,8 +189,11 @@ TEST(Redistribution, TheToolKeepsItsVelocityWhileAJointIsAtItsBound) {
   const VectorXd far = VectorXd::Constant(7, 10);
   const VectorXd free = run(far, Saturation::redistribute).velocity();
   ASSERT_LT((J * free - tool).norm(), 1e-12);
-  const Eigen::FullPivLU<MatrixXd> lu(J);
-  const VectorXd n = lu.kernel().col(0).normalized();
+  const MatrixXd null_space =
+      MatrixXd::Identity(7, 7) - testing_support::pseudo_inverse(J, 1e-10) * J;
+  Eigen::Index largest = 0;
+  null_space.colwise().norm().maxCoeff(&largest);
+  const VectorXd n = null_space.col(largest).normalized();
   int tried = 0;
   for (int joint = 0; joint < 7; ++joint) {
     SCOPED_TRACE(joint);

@@ -2,7 +2,6 @@
 // Thrusts against a linear program that is solved by a plain simplex; continuity, limits, failures.
 #include <gtest/gtest.h>
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <icat/control/thruster_allocation.hpp>
@@ -10,6 +9,7 @@
 #include <random>
 
 #include "support/allocation_counter.hpp"
+#include "support/linear_algebra.hpp"
 #include "support/linear_program.hpp"
 #include "support/sanitized.hpp"
 
@@ -140,7 +140,7 @@ class Oracle {
     MatrixXd A = B_(rows, Eigen::all) * (upper_ - lower_).asDiagonal();
     if (!(A.rowwise().norm().minCoeff() > 1e-9)) return false;
     A.rowwise().normalize();
-    return A.jacobiSvd().singularValues().tail(1)(0) > 1e-6 && A.rows() <= A.cols();
+    return testing_support::singular_values(A).tail(1)(0) > 1e-6 && A.rows() <= A.cols();
   }
   double reach(int row) const {
     const VectorXd b = B_.row(row).transpose();
@@ -453,7 +453,7 @@ TEST(ThrusterAllocation, ThrustsAreTheShortest) {
       }
       if (!free.empty()) {
         const MatrixXd A = B(Eigen::all, free);
-        const VectorXd y = A.completeOrthogonalDecomposition().solve(wrench - B * x);
+        const VectorXd y = testing_support::pseudo_inverse(A, 1e-10) * (wrench - B * x);
         for (std::size_t i = 0; i < free.size(); ++i) x(free[i]) = y(static_cast<Eigen::Index>(i));
       }
       if ((B * x - wrench).norm() > 1e-7 || (x - oracle.upper()).maxCoeff() > 1e-7 ||

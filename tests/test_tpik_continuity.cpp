@@ -2,12 +2,12 @@
 // Activations sweep from 0 to 1 and ẏ follows without a jump; the classical projector jumps.
 #include <gtest/gtest.h>
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <icat/tpik/tpik.hpp>
 
+#include "support/linear_algebra.hpp"
 #include "support/random_hierarchy.hpp"
 #include "support/sanitized.hpp"
 
@@ -29,10 +29,7 @@ VectorXd icat_velocity(icat::Tpik<double>& tpik, const RandomHierarchy& h) {
 }
 
 MatrixXd plain_pseudo_inverse(const MatrixXd& m) {
-  Eigen::JacobiSVD<MatrixXd> svd(m, Eigen::ComputeThinU | Eigen::ComputeThinV);
-  VectorXd inverse = svd.singularValues();
-  for (auto& s : inverse) s = s > 1e-10 ? 1 / s : 0;
-  return svd.matrixV() * inverse.asDiagonal() * svd.matrixU().transpose();
+  return testing_support::pseudo_inverse(m, 0, 1e-10);
 }
 
 /// The task-priority solution of Siciliano & Slotine over the rows whose activation is above 0,

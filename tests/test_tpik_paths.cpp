@@ -6,6 +6,7 @@
 #include <Eigen/QR>
 #include <icat/tpik/tpik.hpp>
 
+#include "support/linear_algebra.hpp"
 #include "support/oracle.hpp"
 #include "support/panels.hpp"
 
@@ -46,8 +47,8 @@ RandomHierarchy empty(int dof) {
 /// m × n with these singular values.
 MatrixXd with_singular_values(HierarchyGenerator& gen, const VectorXd& s, int n) {
   const auto m = s.size();
-  const MatrixXd u = Eigen::HouseholderQR<MatrixXd>(gen.matrix(m, m)).householderQ();
-  const MatrixXd v = Eigen::HouseholderQR<MatrixXd>(gen.matrix(n, n)).householderQ();
+  const MatrixXd u = testing_support::orthogonal(gen.matrix(m, m));
+  const MatrixXd v = testing_support::orthogonal(gen.matrix(n, n));
   return u * s.asDiagonal() * v.leftCols(m).transpose();
 }
 
@@ -161,7 +162,7 @@ TEST(Paths, StartsThatChooseCoordinatesAndOthers) {
     for (const int i : {1, 4, 7}) h.Q0(i, i) = 0;
     h.rho0 << 0, 0.3, 0, 0, -0.2, 0, 0, 0.1;
     MatrixXd axes = MatrixXd::Identity(8, 8);
-    if (turned) axes = Eigen::HouseholderQR<MatrixXd>(gen.matrix(8, 8)).householderQ();
+    if (turned) axes = testing_support::orthogonal(gen.matrix(8, 8));
     h.Q0 = axes * h.Q0 * axes.transpose();
     h.rho0 = axes * h.rho0;
     for (const double a : {1.0, 0.5, 1.0}) {
@@ -407,7 +408,7 @@ TYPED_TEST(Spectral, EqualsTheEigendecomposition) {
                    : kind == 3 ? (i % 3 ? 0.1 : 1.0)
                                : 0;
       }
-      const MatrixXd v = Eigen::HouseholderQR<MatrixXd>(gen.matrix(n, n)).householderQ();
+      const MatrixXd v = testing_support::orthogonal(gen.matrix(n, n));
       const MatrixXd exact_S = v * sigma.asDiagonal() * v.transpose();
       VectorXd inverse(n);
       const icat::BellRegularization<double> exact_f{0.1, 0.2};
