@@ -12,6 +12,7 @@ constexpr double degree = std::numbers::pi / 180;
 void expect_success(const grasp::Result& r) {
   ASSERT_EQ(r.status, icat::Status::ok);
   ASSERT_EQ(r.phases.size(), 3u);
+  EXPECT_EQ(r.outcome, "lifted");
   EXPECT_TRUE(r.grasped);
   EXPECT_TRUE(r.lifted);
   EXPECT_LT(r.grasp_position_error, 1e-3);
@@ -45,6 +46,15 @@ TEST(GraspMission, HalfThePeriodHalvesTheLargestChange) {
   EXPECT_LT(fine, 0.65 * coarse);
 }
 
+// A phase that is not through in time is not followed by the next one.
+TEST(GraspMission, TimeOutsFail) {
+  const grasp::Result late = grasp::run({.time_limit = 5});  // of the 20 s of the way
+  EXPECT_EQ(late.status, icat::Status::ok);
+  EXPECT_EQ(late.outcome, "not at the pipe");
+  EXPECT_EQ(late.phases.size(), 1u);
+  EXPECT_FALSE(late.grasped || late.lifted);
+}
+
 TEST(GraspMission, RollAndPitchNotActuated) {
   const grasp::Result r = grasp::run({.underactuated = true});
   expect_success(r);
@@ -58,6 +68,8 @@ TEST(GraspMission, TheArmCompensatesTheCurrent) {
   const grasp::Result with = grasp::run({.current = true, .compensation = true});
   ASSERT_EQ(without.status, icat::Status::ok);
   ASSERT_EQ(with.status, icat::Status::ok);
+  EXPECT_EQ(without.outcome, "lifted");
+  EXPECT_EQ(with.outcome, "lifted");
   EXPECT_TRUE(with.grasped);
   EXPECT_TRUE(with.violations.empty());
   EXPECT_TRUE(without.violations.empty());

@@ -28,6 +28,7 @@ struct Variant {
   bool underactuated = false;  ///< roll and pitch are not actuated
   bool current = false;        ///< a sinusoidal current along x of the world
   bool compensation = false;   ///< two parallel TPIKs: the arm makes up for the vehicle
+  double time_limit = 40;      ///< s, of a phase
 };
 
 // --- the scene, NED: z points down ---------------------------------------------------------------
@@ -71,6 +72,7 @@ struct Result {
   std::vector<Sample> samples;
   std::vector<std::string> tasks;                      ///< names of the columns of `activations`
   std::vector<std::pair<std::string, double>> phases;  ///< action and the time it began
+  std::string outcome;                                 ///< the phase that ended the mission
   bool grasped = false, lifted = false;                ///< within tolerance when the phase ended
   double grasp_position_error = 0, grasp_orientation_error = 0;  ///< m, rad, when it closed
   double lift_position_error = 0, lift_orientation_error = 0;
@@ -85,8 +87,6 @@ inline constexpr double minimum_manipulability = 0.08;
 inline constexpr double maximum_centering = 0.2;
 inline constexpr double maximum_attitude = 0.2;
 inline constexpr double hover_position = 0.12, hover_orientation = 0.1;
-
-inline constexpr double time_limit = 40.0;  ///< s, of a phase
 
 /// Runs the mission with a period of `dt`. Every cycle ends with `observe(robot, controller, t,
 /// vehicle_velocity)`.
@@ -240,6 +240,7 @@ Result run(const Variant& variant, double dt, Observe observe) {
   };
   // In a current the error never settles: hold for 40 s, and close when the tool passes the goal
   // next.
+  const double time_limit = variant.time_limit;
   const auto closing = [&] { return at_goal() && (!variant.current || in_phase() > time_limit); };
   //! [mission]
   icat::Mission mission({{.name = "navigate",
@@ -248,13 +249,13 @@ Result run(const Variant& variant, double dt, Observe observe) {
                           .hold = 3,
                           .then = "grasp",
                           .time_limit = time_limit,
-                          .on_timeout = "grasp"},
+                          .on_timeout = "not at the pipe"},
                          {.name = "grasp",
                           .action = "grasp",
                           .until = closing,
                           .then = "lift",
                           .time_limit = time_limit + 10,
-                          .on_timeout = "lift"},
+                          .on_timeout = "not grasped"},
                          {.name = "lift",
                           .action = "lift",
                           .until = at_goal,
@@ -262,6 +263,8 @@ Result run(const Variant& variant, double dt, Observe observe) {
                           .time_limit = time_limit,
                           .on_timeout = "not lifted"},
                          {.name = "lifted", .end = icat::PhaseEnd::success},
+                         {.name = "not at the pipe", .end = icat::PhaseEnd::failure},
+                         {.name = "not grasped", .end = icat::PhaseEnd::failure},
                          {.name = "not lifted", .end = icat::PhaseEnd::failure}});
   mission.check_actions(whole_body);
   //! [mission]
@@ -314,6 +317,9 @@ Result run(const Variant& variant, double dt, Observe observe) {
       result.lifted = reached;
       result.lift_position_error = s.position_error;
       result.lift_orientation_error = s.orientation_error;
+    }
+    if (mission.end() != icat::PhaseEnd::none) {
+      result.outcome = mission.phase();
       break;
     }
     result.phases.emplace_back(mission.action(), t);
