@@ -170,6 +170,53 @@ TEST(Mission, TimeIsUpAfterTheLimitWhateverTheClockDoes) {
   EXPECT_EQ(mission.phase(), "out");
 }
 
+// A limit that never comes is no secret.
+TEST(Mission, ClocksThatStall) {
+  bool met = false;
+  for (const double stride : {0.0, 2.0}) {  // stands still; each step longer than max_step
+    std::vector<Phase> phases = patrol();
+    phases[0].until = [&] { return met; };
+    phases[0].hold = 0.5;
+    phases[0].then = "end";
+    Mission mission(phases);
+    met = false;
+    double t = 0;
+    const auto go = [&](double time) {
+      for (double passed = 0; passed < time - 1e-9; passed += 0.1) {
+        ASSERT_EQ(mission.step(t += 0.1), Status::ok);
+      }
+    };
+    go(5);
+    Status status = Status::ok;
+    for (int k = 1; k <= 20; ++k) {
+      met = k >= 8;
+      status = mission.step(t += stride);
+      EXPECT_EQ(status, k < 10 ? Status::ok : Status::clock_stalled) << k;
+      EXPECT_FALSE(mission.entered());
+      EXPECT_EQ(mission.phase(), "out");
+    }
+    // What was not looked at did not hold.
+    go(0.4);
+    EXPECT_EQ(mission.phase(), "out");
+    met = false;
+    // An event is not lost meanwhile.
+    for (int k = 0; k < 12; ++k) status = mission.step(t += stride);
+    EXPECT_EQ(status, Status::clock_stalled);
+    ASSERT_EQ(mission.raise("stop"), Status::ok);
+    EXPECT_EQ(mission.step(t += stride), Status::clock_stalled);
+    EXPECT_FALSE(mission.entered());
+    go(0.1);
+    EXPECT_TRUE(mission.entered());
+    EXPECT_EQ(mission.phase(), "end");
+  }
+  // One that is stepped every 2 s says so beforehand.
+  Mission slow = icat::maris_mission({.at_grasp = yes, .at_posture = yes, .max_step = 2});
+  for (int k = 0; k <= 300; ++k) ASSERT_EQ(slow.step(2 * k), Status::ok);
+  EXPECT_EQ(slow.phase(), "survey");
+  ASSERT_EQ(slow.step(602), Status::ok);
+  EXPECT_EQ(slow.phase(), "not found");
+}
+
 TEST(Mission, Events) {
   std::vector<Phase> phases = patrol();
   phases[0].on.push_back({.event = "obstacle", .to = "back", .times = 2, .otherwise = "end"});

@@ -39,6 +39,7 @@ struct MarisMissionOptions {
   double carry_limit = 60;       ///< s
   int surveys_after_a_loss = 3;  ///< at most, > 0
   double fade = 2;               ///< s
+  double max_step = 1;           ///< s, see `Mission`
 };
 
 /// Why a grasp failed.
@@ -119,7 +120,8 @@ constexpr const char* describe(GraspFailure failure) noexcept {
     phases.push_back({.name = reason, .fade = o.fade, .end = PhaseEnd::failure});
   }
   return Mission(std::move(phases),
-                 {{.event = "out of bounds", .to = "bounds"}, {.event = "fault", .to = "fault"}});
+                 {{.event = "out of bounds", .to = "bounds"}, {.event = "fault", .to = "fault"}},
+                 o.max_step);
 }
 
 /// Why a mission of `maris_mission` failed.

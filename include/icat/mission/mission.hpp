@@ -137,10 +137,16 @@ class Mission {
     return status;
   }
 
-  /// A cycle at `time`, s, on one clock. `non_finite`: refused, nothing changes.
+  /// A cycle at `time`, s, on one clock. `non_finite`, and `clock_stalled`, where the time stands
+  /// still or every step is longer than max_step: refused, no condition is asked and no limit
+  /// ends a phase; what `raise` enters meanwhile is reported by the next step that is `ok`.
   Status step(double time) noexcept {
-    const Status status = clock_.advance(time);
+    Status status = clock_.advance(time);
     entered_ = false;
+    if (status == Status::ok && clock_.stalled()) {
+      status = Status::clock_stalled;
+      met_ = false;  // for all that is known
+    }
     if (status != Status::ok) return status;
     if (!reported_) {
       reported_ = entered_ = true;
