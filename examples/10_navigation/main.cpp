@@ -3,7 +3,8 @@
 // start, then a DVL, which on the third side comes too near to the bottom and is lost for ten
 // seconds.
 #include <cstdio>
-#include <icat/control/pi_loop.hpp>
+#include <icat/control/vehicle_loop.hpp>
+#include <icat/model/maris_bodies.hpp>
 #include <icat/navigation/navigation.hpp>
 #include <icat/sim/sensors.hpp>
 
@@ -14,18 +15,19 @@
 using Vector2 = icat::Vector<double, 2>;
 using Vector3 = icat::Vector3<double>;
 using Matrix3 = icat::Matrix3<double>;
-using Vector4 = icat::Vector<double, 4>;
 using Vector6 = icat::Vector6<double>;
 
 constexpr double dt = 0.01, floor_depth = 10, side = 10, speed = 0.3;
 const Vector3 water(0.08, -0.06, 0);  // the current, m/s
 
-icat::VehicleModel<double> make_model() {
+icat::VehicleModel<double> make_model(const icat::RigidBody<double>& body) {
   icat::VehicleModel<double> m;
-  m.inertia << 458, 437, 471, 65, 70, 70;
-  m.linear_drag << 50, 50, 44, 20, 20, 24;
-  m.quadratic_drag << 320, 320, 430, 40, 40, 31;
-  m.weight_in_water = -29;
+  m.inertia = body.added_mass;
+  m.inertia.head<3>().array() += body.mass;
+  m.inertia.tail<3>() += body.inertia.diagonal();
+  m.linear_drag = body.linear_drag;
+  m.quadratic_drag = body.quadratic_drag;
+  m.weight_in_water = 9.81 * (body.mass - body.displaced_mass);
   return m;
 }
 
@@ -60,7 +62,8 @@ int main(int argc, char** argv) {
   support::Csv csv(arguments.output, "run.csv",
                    "t,north,east,depth,north_est,east_est,north_dev,east_dev,current_north,"
                    "current_east,current_dev,surge_error,surge_dev,lost");
-  const auto model = make_model();
+  const auto body = icat::maris_vehicle_body<double>();
+  const auto model = make_model(body);
   icat::VehicleMotion<double> truth;
   truth.pose.translation() = Vector3(3, -2, 0.1);  // the navigation believes (0, 0, 0)
 
@@ -74,13 +77,12 @@ int main(int argc, char** argv) {
       model, icat::Pose<double>::Identity(),
       {.velocity = {.dvl = instrument}, .position = {.gps_noise = 5}});
 
-  // Surge, sway, heave, yaw.
-  auto gains = icat::PiLoop<double, 4>::tuned({458, 437, 471, 70}, {0.7, 0.7, 0.7, 1.5});
-  gains.bound = Vector4(150, 150, 150, 60);
-  icat::PiLoop<double, 4> loop(gains);
+  // Roll and pitch are not actuated.
+  const Vector6 bandwidth{{0.7, 0.7, 0.7, 0, 0, 1.5}}, strongest{{150, 150, 150, 0, 0, 60}};
+  icat::VehicleLoop<double> loop(body, bandwidth);
   const Vector2 corners[] = {{side, 0}, {side, side}, {0, side}, {0, 0}};
   int corner = 0;
-  Vector3 gyro = Vector3::Zero();
+  Vector3 gyro = Vector3::Zero(), current = Vector3::Zero();
   Vector6 wrench = Vector6::Zero();
   double in_outage = 0, current_error = 0, lost_for = 0, t = 0;
   icat::Status status = icat::Status::ok;
@@ -107,14 +109,18 @@ int main(int argc, char** argv) {
     }
     const Matrix3 R = pose.linear();
     const double turn = std::remainder(course - std::atan2(R(1, 0), R(0, 0)), 2 * std::numbers::pi);
-    const Vector3 body = R.transpose() * wanted;
-    const Vector6 velocity = navigation.velocity();
+    Vector6 reference = Vector6::Zero();
+    reference.head<3>() = R.transpose() * wanted;
+    reference(5) = std::clamp(0.5 * turn, -0.3, 0.3);
+    current.head<2>() = navigation.current();
     if (status == icat::Status::ok) {
-      status = loop.update({body(0), body(1), body(2), std::clamp(0.5 * turn, -0.3, 0.3)},
-                           {velocity(0), velocity(1), velocity(2), velocity(5)},
-                           Vector4(0, 0, 29, 0), dt);
+      status = loop.step(t, {.reference = reference,
+                             .velocity = navigation.velocity(),
+                             .attitude = R,
+                             .current = current});
     }
-    wrench << loop.output().head<3>(), 0, 0, loop.output()(3);
+    wrench = loop.wrench().cwiseMax(-strongest).cwiseMin(strongest);
+    (void)loop.achieved(wrench);
     swim(model, wrench, disturbance, truth);
 
     const auto& estimator = navigation.velocity_estimator();
