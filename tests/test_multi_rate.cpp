@@ -501,6 +501,36 @@ TEST(HeldReference, TheFirstComesInWithoutAJump) {
   }
 }
 
+// At the end of a gap it steps by what has changed, times what the ramp has left of it.
+TEST(HeldReference, AGapEndsWithAStepOfWhatIsLeft) {
+  using One = icat::Vector<double, 1>;
+  const double fastest = 15.0 / 8 / ramp * 1e-3;  // of the smooth step, in a cycle
+  for (const int gap : {50, 200, 350, 500, 650, 900}) {
+    icat::HeldReference<double, 1> reference;
+    const auto cycle = [&](int k) {
+      const double last = reference.value()(0);
+      EXPECT_EQ(reference.update(1e-3 * k),
+                reference.age() < 0.1 ? Status::ok : Status::stale_reference);
+      return reference.value()(0) - last;
+    };
+    int k = 0;
+    for (; k < 1000; ++k) {
+      ASSERT_EQ(reference.set(One(1.0)), Status::ok);
+      (void)cycle(k);
+    }
+    for (; k < 1000 + gap; ++k) EXPECT_LE(std::abs(cycle(k)), fastest * (1 + 1e-9)) << k;
+    const double left = reference.value()(0);
+    ASSERT_EQ(reference.set(One(1.5)), Status::ok);
+    EXPECT_NEAR(cycle(k), 0.5 * left, 1.5 * fastest) << gap;
+    EXPECT_EQ(left > 0, gap < 600) << gap;
+    for (int end = k + 501; k < end;) {
+      ASSERT_EQ(reference.set(One(1.5)), Status::ok);
+      EXPECT_LE(std::abs(cycle(++k)), 1.5 * fastest * (1 + 1e-9)) << k;
+    }
+    EXPECT_EQ(reference.value()(0), 1.5);
+  }
+}
+
 TEST(MultiRate, DoesNotAllocate) {
 #ifdef ICAT_TEST_NO_MALLOC_COUNT
   GTEST_SKIP() << "malloc belongs to the sanitizer";

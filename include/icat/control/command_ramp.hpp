@@ -7,7 +7,10 @@
 ///
 /// s goes from 0 to 1; the aim is the solver's answer, or zero after `stop`. From rest that is s
 /// times the answer: the activations are all in place, so the order of priorities holds from the
-/// first cycle. f goes to 0 while input is refused for longer than `hold`, and back to 1.
+/// first cycle. f goes to 0 while input is refused for longer than `hold`, and back to 1. f is
+/// continuous, the answer is not: with the first input after a gap it steps from what it was before
+/// the gap to what is right now, and the command by f times that. After `hold` + `ramp` f is 0. To
+/// blend the two would command the old answer for longer; limits of acceleration bound the step.
 #pragma once
 
 #include <algorithm>
