@@ -83,6 +83,28 @@ TEST(Sensors, RateAndLatency) {
   }
 }
 
+TEST(Sensors, TimesThatAreNoneAndClocksThatGoBack) {
+  icat::DepthSensor<double> sensor({.rate = 10, .latency = 0.25, .noise = 0, .bias = 0});
+  const double offset = 100;  // where the clock is after it went on
+  const auto run = [&](double from, double to, double depth) {
+    int count = 0;
+    for (double t = from; t < to - 1e-9; t += 0.01) {
+      for (const double none : {double(NAN), double(INFINITY), -double(INFINITY), 1e300}) {
+        EXPECT_FALSE(sensor.measure(none, at(0, 0, 99)));
+      }
+      const auto z = sensor.measure(t, at(0, 0, depth));
+      if (!z) continue;
+      ++count;
+      EXPECT_EQ(z->value, depth);  // none of before
+      EXPECT_NEAR(t - z->time, 0.25, 0.01 + 1e-9);
+    }
+    return count;
+  };
+  EXPECT_EQ(run(offset, offset + 1, 5), 8);  // from 0, 0.1, … 0.7
+  EXPECT_EQ(run(0, 1, 6), 8);
+  EXPECT_EQ(run(-5, -4, 7), 8);
+}
+
 TEST(Sensors, TheSameSeedTheSameNumbers) {
   icat::Ahrs<double> a({.seed = 5}), b({.seed = 5}), c({.seed = 6});
   for (int k = 0; k < 100; ++k) {

@@ -9,7 +9,9 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -48,10 +50,13 @@ class SensorLine {
     }
     waiting_.resize(static_cast<std::size_t>(latency * rate) + 2);
   }
-  /// A slot has come since the last time.
+  /// A slot has come since the last time. A clock that goes back begins anew, with nothing on its
+  /// way; a time that is none changes nothing.
   bool due(double time) noexcept {
+    if (!is_time(time)) return false;
     const long long slot = slot_at(time, rate_);
-    if (slot <= slot_) return false;
+    if (slot == slot_) return false;
+    if (slot < slot_) count_ = 0;
     slot_ = slot;
     return true;
   }
@@ -61,13 +66,16 @@ class SensorLine {
   }
   /// The oldest that has arrived.
   std::optional<Timed<Value>> receive(double time) noexcept {
-    if (count_ == 0 || waiting_[first_].time + latency_ > time + 1e-6 / rate_) return std::nullopt;
+    if (count_ == 0 || !is_time(time)) return std::nullopt;
+    if (waiting_[first_].time + latency_ > time + 1e-6 / rate_) return std::nullopt;
     const Timed<Value> value = waiting_[first_];
     drop();
     return value;
   }
 
  private:
+  // Its slots can be counted.
+  bool is_time(double time) const noexcept { return std::abs(time) * rate_ < 1e15; }
   void drop() noexcept {
     first_ = (first_ + 1) % waiting_.size();
     --count_;
@@ -76,7 +84,7 @@ class SensorLine {
   double rate_, latency_;
   std::vector<Timed<Value>> waiting_;
   std::size_t first_{0}, count_{0};
-  long long slot_{-1};
+  long long slot_{std::numeric_limits<long long>::min()};
 };
 
 }  // namespace detail
@@ -117,8 +125,9 @@ class Ahrs {
     offset_(2) = static_cast<Scalar>(options.heading_bias * noise_.normal());
   }
 
-  /// To be called in each step of the simulation: what has arrived at `time`, s, not decreasing.
-  /// No allocation.
+  /// To be called in each step of the simulation: what has arrived at `time`, s. Nothing where that
+  /// is not finite; where it is earlier than the last sample the schedule begins anew. No
+  /// allocation.
   std::optional<Timed<Measurement>> measure(double time,
                                             const VehicleMotion<Scalar>& truth) noexcept {
     if (line_.due(time)) {
