@@ -289,6 +289,9 @@ TEST(VehicleLoop, ConstructionThrowsWithNamesAndNumbers) {
   const auto body = icat::r2_vehicle_body<double>();
   EXPECT_EQ(message([&] { Loop(body, Vector6(icat::Filled{-1})); }),
             "VehicleLoop: bandwidth 0 must be finite and >= 0, got -1");
+  // Too large for gains; for a period none is refused.
+  EXPECT_EQ(message([&] { Loop(body, Vector6(icat::Filled{1e200})); }),
+            "VehicleLoop: bandwidth 0 is too large, got 1e+200");
   auto bad = body;
   bad.mass = 0;
   EXPECT_EQ(message([&] { Loop(bad, r2::bandwidth()); }),
@@ -300,6 +303,36 @@ TEST(VehicleLoop, ConstructionThrowsWithNamesAndNumbers) {
   bad.quadratic_drag(2) = -3;
   EXPECT_EQ(message([&] { loop.set_body(bad); }),
             "VehicleLoop: quadratic_drag 2 of the vehicle must be finite and >= 0, got -3");
+}
+
+// What `cycles` leave of an error of 1 m/s on a body that is the model, for ωT = x, with the
+// velocity so many cycles late.
+double left(double x, std::size_t late, int cycles) {
+  icat::RigidBody<double> body;  // in vacuum
+  body.mass = 10;
+  const double dt = 0.01;
+  Vector6 bandwidth = Vector6::Zero();
+  bandwidth(0) = x / dt;
+  icat::VehicleLoop<double> loop(body, bandwidth, {.max_step = 1});
+  std::vector<double> v(late + 1, 0.0);  // the first is measured
+  icat::VehicleLoop<double>::Input in{.reference = Vector6::Zero(),
+                                      .velocity = Vector6::Zero(),
+                                      .attitude = icat::IdentityMatrix{}};
+  for (int k = 0; k < cycles; ++k) {
+    in.velocity(0) = v.front();
+    if (loop.step(k * dt, in) != Status::ok) return 1e9;
+    if (k == 0) v.assign(late + 1, 1.0);  // a push that the model does not know
+    v.push_back(v.back() + loop.wrench()(0) / body.mass * dt);
+    v.erase(v.begin());
+  }
+  return std::abs(v.back());
+}
+
+TEST(VehicleLoop, WhatThePeriodAllows) {
+  for (const double x : {0.01, 0.25, 0.9, 1.9}) EXPECT_LT(left(x, 0, 2000), 1e-3) << x;
+  EXPECT_GT(left(2.1, 0, 400), 1e3);
+  EXPECT_LT(left(0.43, 1, 2000), 1e-3);
+  EXPECT_GT(left(0.49, 1, 2000), 1e3);
 }
 
 TEST(VehicleLoop, Float) {

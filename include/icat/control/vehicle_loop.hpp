@@ -61,8 +61,10 @@ class VehicleLoop {
   /// @param bandwidth  ω of each component, rad/s; 0: it is not controlled, its wrench is 0
   /// @param time       as of controllers: input that is refused for longer than `hold` takes the
   ///                   wrench to zero, and the vehicle coasts
-  /// @throws std::invalid_argument on a bandwidth that is not finite and >= 0, on a bad body (see
-  /// `VehicleManipulatorDynamics`) or time.
+  ///                   The period is the caller's, so no bandwidth is refused for it: ω times the
+  ///                   period has to stay well below 1/2 (docs/vehicle.md)
+  /// @throws std::invalid_argument on a bandwidth that is not finite and >= 0, or makes gains that
+  /// are not finite, on a bad body (see `VehicleManipulatorDynamics`) or time.
   [[gnu::cold]] VehicleLoop(const RigidBody<Scalar>& body, const Vector6& bandwidth,
                             const TimeOptions& time = TimeOptions())
       : body_(owner, "the vehicle", body),
@@ -87,7 +89,13 @@ class VehicleLoop {
     const detail::Body<Scalar> checked_body(owner, "the vehicle", body);
     const Matrix6<Scalar> M = detail::Body<Scalar>::inertia(checked_body.place()).matrix();
     Vector6 inertia;
-    for (Index i = 0; i < 6; ++i) inertia(i) = M(i, i);
+    for (Index i = 0; i < 6; ++i) {
+      inertia(i) = M(i, i);
+      const Scalar gain = inertia(i) * std::max(Scalar(2), bandwidth_(i)) * bandwidth_(i);
+      if (!std::isfinite(gain)) {
+        detail::invalid(owner, ": bandwidth ", i, " is too large, got ", bandwidth_(i));
+      }
+    }
     loop_.retune(PiLoop<Scalar, 6>::tuned(inertia, bandwidth_));
     body_ = checked_body;
     inertia_ = inertia;
