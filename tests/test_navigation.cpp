@@ -417,6 +417,26 @@ TEST(AttitudeEstimator, NothingJumpsBeyondHalfATurn) {
   EXPECT_EQ(estimator.heading().restarts(), 0);
 }
 
+// Between two steps it turned at a constant rate: a measurement that is late and exact changes
+// nothing, however long the steps are.
+TEST(AttitudeEstimator, LateMeasurementsWhileItTurns) {
+  const Vector3 rate(1, -2, 2);  // 3 rad/s
+  for (const double step : {0.5, 0.1, 0.01}) {
+    icat::AttitudeEstimator<double> estimator(heading(1));
+    for (int k = 1; k * step < 5; ++k) {
+      ASSERT_EQ(estimator.predict(rate, step), Status::ok);
+      const double age = 0.037 * (k % 10);
+      if (age > (k - 1) * step) continue;  // before all that is known
+      const auto truth = [&](double t) -> Matrix3 {
+        return heading(1) * icat::rotation_exp<double>(Vector3(t * rate));
+      };
+      ASSERT_EQ(estimator.correct(truth(k * step - age), age), Status::ok);
+      const Matrix3 error = estimator.attitude().transpose() * truth(k * step);
+      ASSERT_LT(icat::rotation_log<double>(error).norm(), 1e-9) << step << ' ' << age;
+    }
+  }
+}
+
 // Over the top: pitch through 90°, where Euler angles end.
 TEST(AttitudeEstimator, PitchThroughARightAngle) {
   icat::AttitudeEstimator<double> estimator(Matrix3::Identity());

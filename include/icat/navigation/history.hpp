@@ -16,10 +16,24 @@
 
 #include "icat/core/status.hpp"
 #include "icat/core/types.hpp"
+#include "icat/math/rigid_motion.hpp"
 
 namespace icat::detail {
 
-/// A ring of vectors or matrices.
+/// On the line from `a` to `b`.
+template <class Scalar>
+Vector3<Scalar> between(const Vector3<Scalar>& a, const Vector3<Scalar>& b, Scalar share) noexcept {
+  return plus(a, share, minus(b, a));
+}
+/// On the shortest turn from `a` to `b`, which is that of a constant rate up to half a turn;
+/// element by element between them lies no rotation.
+template <class Scalar>
+Matrix3<Scalar> between(const Matrix3<Scalar>& a, const Matrix3<Scalar>& b, Scalar share) noexcept {
+  const Vector3<Scalar> turn = rotation_log<Scalar>(times(transpose(a), b));
+  return times(a, rotation_exp<Scalar>(scaled(turn, share)));
+}
+
+/// A ring of vectors or rotations.
 template <class Value>
 class History {
  public:
@@ -35,7 +49,7 @@ class History {
     values_[newest_] = value;
   }
 
-  /// The value at `time`, between its neighbours element by element; `present` at `now`.
+  /// The value at `time`, between its neighbours; `present` at `now`.
   Value at(double time, double now, const Value& present) const noexcept {
     const Value* later = &present;
     double later_time = now;
@@ -45,11 +59,7 @@ class History {
         const double span = later_time - times_[i];
         const auto share =
             static_cast<typename Value::Scalar>(span > 0 ? (time - times_[i]) / span : 1.0);
-        Value value = values_[i];
-        for (Index j = 0; j < value.size(); ++j) {
-          value.data()[j] += share * (later->data()[j] - value.data()[j]);
-        }
-        return value;
+        return between(values_[i], *later, share);
       }
       later = &values_[i];
       later_time = times_[i];
