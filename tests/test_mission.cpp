@@ -418,11 +418,7 @@ TEST(MarisMission, ScriptedWordForWord) {
     EXPECT_EQ(icat::grasp_failure(maris.mission), failure);
     EXPECT_EQ(maris.mission.end(),
               failure == GraspFailure::none ? PhaseEnd::success : PhaseEnd::failure);
-    if (failure != GraspFailure::none) {
-      EXPECT_EQ(maris.mission.phase(), icat::describe(failure));
-    }
   }
-  EXPECT_STREQ(icat::describe(GraspFailure::none), "");
   // 3 cm off after 0.4 s: not yet.
   Maris maris;
   maris.say("object detected");
@@ -515,7 +511,7 @@ TEST(MarisMission, ARandomOrderOfEventsIsNeverDoneWithoutAGrasp) {
   EXPECT_GT(done, runs / 100);
   for (const GraspFailure f : {GraspFailure::lost, GraspFailure::empty_grasp, GraspFailure::slipped,
                                GraspFailure::bounds, GraspFailure::fault}) {
-    EXPECT_GT(failures[static_cast<int>(f)], 0) << icat::describe(f);
+    EXPECT_GT(failures[static_cast<int>(f)], 0) << static_cast<int>(f);
   }
 }
 

@@ -125,8 +125,8 @@ class ThrusterAllocation {
   }
 
   /// From now on a thruster gives nothing, and the others take over: thrusts for the last request
-  /// are computed anew. `out_of_range` if there is none of this index. No allocation; thirty
-  /// to forty times as long as `allocate`.
+  /// are computed anew. `out_of_range` if there is none of this index. No allocation; it takes far
+  /// longer than `allocate` (the table in docs/vehicle.md).
   Status fail(Index thruster) noexcept { return set_limits(thruster, false); }
   /// It works again, as `fail`.
   Status restore(Index thruster) noexcept { return set_limits(thruster, true); }

@@ -42,7 +42,7 @@ struct MarisMissionOptions {
   double max_step = 1;           ///< s, see `Mission`
 };
 
-/// Why a grasp failed.
+/// Why a grasp failed. For a log there is `Mission::phase`, whose name says the same.
 enum class GraspFailure {
   none,           ///< it did not, or not yet
   not_found,      ///< no detection within the time of the survey
@@ -56,15 +56,11 @@ enum class GraspFailure {
 
 namespace detail {
 
+// The phases of failure, in the order of GraspFailure.
 inline constexpr const char* grasp_failures[] = {
     "", "not found", "lost", "not converged", "empty grasp", "slipped", "bounds", "fault"};
 
 }  // namespace detail
-
-/// One line for a log: the name of the phase that ends the mission; empty for `none`.
-constexpr const char* describe(GraspFailure failure) noexcept {
-  return detail::grasp_failures[static_cast<std::size_t>(failure)];
-}
 
 /// The mission of the file comment. Its events: "object detected", at the first detection that is
 /// sure; "object lost", not seen for 3 s or so, which is for the vision to judge; "grasp closed"
