@@ -177,7 +177,7 @@ TEST(VehicleLoop, TheDeadZoneMakesALimitCycle) {
   const auto with = r2::station_keeping(0.05, 0.002, status);
   const auto without = r2::station_keeping(0, 0.002, status);
   EXPECT_EQ(status, Status::ok);
-  for (const int minute : {0, 1}) EXPECT_GT(with[minute], 3 * without[minute]);
+  for (const std::size_t minute : {0u, 1u}) EXPECT_GT(with[minute], 3 * without[minute]);
 }
 
 // --- input that is bad or late
