@@ -25,13 +25,15 @@ struct Row {
   icat::Duplex duplex = icat::Duplex::full;
   double latency = 0;  ///< s
   bool filter = false;
-  bool force = false;     ///< the force modification
-  double feedback = 100;  ///< of the vehicle's velocity, Hz
-  double loss = 0;        ///< share of messages lost
-  bool spans = false;     ///< exchanged too
+  bool force = false;      ///< the force modification
+  double feedback = 100;   ///< of the vehicle's velocity, Hz
+  double loss = 0;         ///< share of messages lost
+  bool spans = false;      ///< exchanged too
+  bool thrusters = false;  ///< the vehicles have some, which lag and have dead zones
+  bool sensors = false;    ///< the vehicle's velocity is noisy
 };
 
-/// [Coop, Table III], and two more.
+/// [Coop, Table III], and what is not in it.
 inline const std::vector<Row> rows{
     {.name = "T1", .compensation = false},
     {.name = "T2"},
@@ -56,7 +58,12 @@ inline const std::vector<Row> rows{
      .force = true,
      .feedback = 10},
     {.name = "T9 loss", .rate = 1, .latency = 1, .filter = true, .force = true, .loss = 0.1},
-    {.name = "T4 spans", .rate = 100, .filter = true, .spans = true}};
+    {.name = "T4 spans", .rate = 100, .filter = true, .spans = true},
+    {.name = "T2 thrusters", .thrusters = true},
+    {.name = "T4 thrusters", .rate = 100, .filter = true, .thrusters = true},
+    {.name = "T8 thrusters", .rate = 100, .filter = true, .force = true, .thrusters = true},
+    {.name = "T4 sensors", .rate = 100, .filter = true, .sensors = true},
+    {.name = "T8 sensors", .rate = 100, .filter = true, .force = true, .sensors = true}};
 
 /// What the paper prints for T1 … T11; 0 where it aborted.
 struct Published {

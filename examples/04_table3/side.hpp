@@ -5,6 +5,8 @@
 #include <icat/icat.hpp>
 #include <icat/sim/grasped_object_plant.hpp>
 #include <icat/sim/maris_dynamics.hpp>
+#include <icat/sim/noise.hpp>
+#include <icat/sim/thruster.hpp>
 
 #include "../support/uvms.hpp"
 #include "scene.hpp"
@@ -41,6 +43,33 @@ inline icat::HydrodynamicPlant<double, 7> plant_of(std::size_t index, const Para
   return icat::HydrodynamicPlant<double, 7>(icat::maris_dynamics<double>(), start);
 }
 
+/// The eight thrusters of R2 [MARIS, III-D] on this vehicle: torque first, then force, since all
+/// six components are controlled here. They lag, pull less than they push, and have dead zones.
+class Propulsion {
+ public:
+  /// What the water gets of a wrench that is wanted for `dt` s.
+  icat::Status update(const Vector6& wanted, double dt, Vector6& given) {
+    icat::Status status = allocation_.allocate(wanted);
+    given.setZero();
+    for (std::size_t i = 0; i < thrusters_.size(); ++i) {
+      const icat::Status told =
+          models_[i].update(allocation_.thrust()(static_cast<Eigen::Index>(i)), dt);
+      if (status == icat::Status::ok) status = told;
+      const Vector3 force = models_[i].thrust() * thrusters_[i].direction.normalized();
+      given.head<3>() += force;
+      given.tail<3>() += thrusters_[i].position.cross(force);
+    }
+    return status;
+  }
+
+ private:
+  using enum icat::WrenchComponent;
+  std::vector<icat::Thruster<double>> thrusters_ = icat::r2_thrusters<double>();
+  icat::ThrusterAllocation<double, 8> allocation_{thrusters_,
+                                                  {{roll, pitch, yaw}, {surge, sway, heave}}};
+  std::array<icat::ThrusterModel<double>, 8> models_;
+};
+
 /// A robot with its tasks, loops and agent.
 class Side {
  public:
@@ -76,13 +105,20 @@ class Side {
         joints_(icat::PiLoop<double, 7>::tuned(nominal_inertia().head<7>(),
                                                Joints::Constant(p.joint_bandwidth))),
         vehicle_(icat::PiLoop<double, 6>::tuned(nominal_inertia().tail<6>(), vehicle_bandwidth(p))),
-        feedback_(row.feedback, Vector6::Zero()) {}
+        feedback_(row.feedback, Vector6::Zero()),
+        noise_(index + 1),
+        sensors_(row.sensors),
+        thrusters_(row.thrusters) {}
 
   icat::Status see(const Vector3& other) { return distance_.set_point(other); }
   /// ẏ as the kinematic loop gets it: the vehicle's, the joints' is not needed.
   Vector13 measured(double t, const Vector6& truth) {
     Vector13 velocity = Vector13::Zero();
     velocity.tail<6>() = feedback_.update(t, truth);
+    if (sensors_) {
+      velocity.segment<3>(7) += noise_.vector<double, 3>(linear_noise);
+      velocity.tail<3>() += noise_.vector<double, 3>(angular_noise);
+    }
     return velocity;
   }
   /// Velocity of the tool under the agent's own hierarchy, components on it.
@@ -93,9 +129,13 @@ class Side {
   icat::Status forces(const Vector13& velocity, Vector13& out) {
     const icat::Status arm =
         joints_.update(agent.velocity().head<7>(), velocity.head<7>(), Joints::Zero(), plant_dt);
-    const icat::Status hull =
+    icat::Status hull =
         vehicle_.update(agent.velocity().tail<6>(), velocity.tail<6>(), Vector6::Zero(), plant_dt);
-    out << joints_.output(), vehicle_.output();
+    Vector6 wrench = vehicle_.output();
+    if (thrusters_ && hull == icat::Status::ok) {
+      hull = propulsion_.update(vehicle_.output(), plant_dt, wrench);
+    }
+    out << joints_.output(), wrench;
     return arm == icat::Status::ok ? hull : arm;
   }
 
@@ -148,6 +188,10 @@ class Side {
   icat::PiLoop<double, 7> joints_;
   icat::PiLoop<double, 6> vehicle_;
   icat::SampleHold<Vector6> feedback_;
+  static constexpr double linear_noise = 0.02, angular_noise = 0.05;  // m/s, rad/s, each sample
+  icat::Noise noise_;
+  bool sensors_, thrusters_;
+  Propulsion propulsion_;
 };
 
 }  // namespace table3
