@@ -509,8 +509,8 @@ TEST(HeldReference, AGapEndsWithAStepOfWhatIsLeft) {
     icat::HeldReference<double, 1> reference;
     const auto cycle = [&](int k) {
       const double last = reference.value()(0);
-      EXPECT_EQ(reference.update(1e-3 * k),
-                reference.age() < 0.1 ? Status::ok : Status::stale_reference);
+      const Status status = reference.update(1e-3 * k);
+      EXPECT_EQ(status, reference.age() < 0.1 ? Status::ok : Status::stale_reference);
       return reference.value()(0) - last;
     };
     int k = 0;

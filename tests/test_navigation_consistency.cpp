@@ -12,7 +12,6 @@
 #include <icat/sim/noise.hpp>
 
 #include "support/chi_square.hpp"
-#include "support/sanitized.hpp"
 #include "support/swimmer.hpp"
 
 namespace {
@@ -22,7 +21,7 @@ using support::Consistency;
 using Vector3 = icat::Vector3<double>;
 using Matrix3 = icat::Matrix3<double>;
 
-constexpr int runs = sanitized ? 20 : 100;
+constexpr int runs = 100;
 constexpr int steps = 4000;  // of dt
 constexpr double dt = 0.01;
 constexpr int fine = 10;  // steps of the truth in dt
