@@ -58,7 +58,7 @@ struct Phase {
   double time_limit = no_time_limit;  ///< s: a phase that lasts longer is ended
   std::string on_timeout = "";        ///< the phase that follows the time limit
   std::vector<Reaction> on = {};      ///< events
-  PhaseEnd end = PhaseEnd::none;
+  PhaseEnd end = PhaseEnd::none;      ///< it ends the mission
 };
 
 /// Why a phase was entered.
