@@ -1,8 +1,7 @@
 #!/usr/bin/env bash
 # What a user's file costs to compile, as multiples of an include of Eigen/Dense alone in the same
-# run: a Markdown table. With --check it fails where a bound is exceeded by more than a fifth: the
-# same file has been 2.46 times an include of Eigen/Dense on one machine and 2.7 on another, and a
-# busy one adds to that. User time of the fastest
+# run: a Markdown table. With --check it fails where a bound is exceeded by more than a tenth, which
+# is how far two measurements of the same file may differ on a busy machine. User time of the fastest
 # of three, with --check of as many as it takes to stay below a bound; the bounds are for g++. What the examples' command line costs (CLI11) is not in it: that
 # is compiled once, in examples/support.
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
@@ -38,7 +37,7 @@ row() {
     repeats=1
   fi
   # What disturbs a measurement only adds to it, so a row that is over is measured again.
-  for again in 1 2 3; do
+  for again in 1 2 3 4 5 6; do
     read -r seconds megabytes < <(measure "$repeats" "$2" $3)
     [[ -n $megabytes ]] || fail "$2 does not compile with $3"
     fastest=$(awk -v a="$seconds" -v b="${fastest:-$seconds}" 'BEGIN { print a < b ? a : b }')
@@ -48,7 +47,7 @@ row() {
     [[ $met == yes ]] && break
   done
   awk -v r="$seconds" -v d="$dense" -v b="$4" -v m="$megabytes" -v c="$5" \
-    'BEGIN { exit !((b == "-" || r <= 1.2 * b * d) && (c == "-" || m <= c)) }' ||
+    'BEGIN { exit !((b == "-" || r <= 1.1 * b * d) && (c == "-" || m <= c)) }' ||
     failures=$((failures + 1))
   awk -v what="$1" -v flags="$3" -v s="$seconds" -v d="$dense" -v b="$4" -v m="$megabytes" \
     -v c="$5" -v met="$met" 'BEGIN {
