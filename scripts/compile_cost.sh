@@ -31,13 +31,13 @@ measure() {
 # row <what> <file> <flags> <times, or -> <megabytes, or ->
 failures=0
 row() {
-  local seconds fastest='' megabytes again met repeats=3
+  local seconds fastest='' megabytes again met repeats=3 tries=1
   if $check; then
     [[ $4 != - ]] || return 0
-    repeats=1
+    repeats=1 tries=6
   fi
-  # What disturbs a measurement only adds to it, so a row that is over is measured again.
-  for again in 1 2 3 4 5 6; do
+  # What disturbs a measurement only adds to it: with --check a row that is over is measured again.
+  for ((again = 0; again < tries; ++again)); do
     read -r seconds megabytes < <(measure "$repeats" "$2" $3)
     [[ -n $megabytes ]] || fail "$2 does not compile with $3"
     fastest=$(awk -v a="$seconds" -v b="${fastest:-$seconds}" 'BEGIN { print a < b ? a : b }')
