@@ -111,6 +111,13 @@ CPP
     fail "CMake $version is too old: icat needs 3.22"
 }
 
+# need_sanitizers: where those of clang are a package of their own, it carries the version in its name.
+need_sanitizers() {
+  mkdir -p build
+  clang++ -fsanitize=address,undefined -x c++ - -o build/sanitizer_probe \
+    2>/dev/null <<<'int main() {}' || need "libclang-rt-$(clang++ -dumpversion | cut -d. -f1)-dev"
+}
+
 # Parallel jobs: one per processor, if each has the 1.5 GB that a file full of Eigen may need.
 parallel_jobs() {
   local by_memory by_cpu

@@ -9,12 +9,7 @@ need g++:g++ clang:clang++ cmake:cmake ninja-build:ninja ccache:ccache doxygen:d
   liburdfdom-dev liborocos-kdl-dev time:/usr/bin/time git:git
 need_compiler
 
-# Where the sanitizers of clang are a package of their own, it carries the version in its name.
-mkdir -p build
-if ! clang++ -fsanitize=address,undefined -x c++ - -o build/sanitizer_probe \
-  2>/dev/null <<<'int main() {}'; then
-  need "libclang-rt-$(clang++ -dumpversion | cut -d. -f1)-dev"
-fi
+need_sanitizers
 need_pinocchio
 need_robot_data
 SECONDS=0 # installing depends on the network

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: BSD-3-Clause
+/// @file
+/// The last value that came from outside, and when: what is lost, late or damaged on the way leaves
+/// the value before, whose age says so.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+
+namespace icat {
+
+/// See the file comment. No allocation but the value's own.
+template <class T>
+struct Received {
+  T value{};  ///< as it came; T{} before the first one
+  double time{
+      -std::numeric_limits<double>::infinity()};  ///< s, on the caller's clock: when it came
+  std::uint32_t count{0};                         ///< how many came; wraps around
+
+  /// A new value, which came at `now`, s.
+  void put(const T& received, double now) noexcept {
+    value = received;
+    time = now;
+    ++count;
+  }
+  /// s at `now`; infinite before the first value.
+  double age(double now) const noexcept { return now - time; }
+  /// Whether there is a value that is at most `limit` old, s, at `now`. False where either is NaN.
+  bool fresh(double now, double limit) const noexcept { return age(now) <= limit; }
+};
+
+}  // namespace icat
