@@ -12,7 +12,6 @@
 #include <cstdlib>
 #include <limits>
 #include <stdexcept>
-#include <string>
 #include <string_view>
 #include <type_traits>
 
@@ -52,19 +51,28 @@ struct MessagePart {
 
 [[noreturn]] [[gnu::cold]] inline void invalid_message(const MessagePart* parts,
                                                        std::size_t count) {
-  std::string text;
+  // Without std::string, whose members are compiled anew in each file since C++20.
+  constexpr std::size_t digits = 32;
+  std::size_t size = 1;
+  for (std::size_t i = 0; i < count; ++i) size += parts[i].text.size() + digits;
+  char* const text = new char[size];
+  char* end = text;
   for (std::size_t i = 0; i < count; ++i) {
-    char number[32] = "";
-    if (parts[i].kind != MessagePart::Kind::text) {
-      const bool integer = parts[i].kind == MessagePart::Kind::integer;
-      std::snprintf(number, sizeof number, integer ? "%.0f" : "%g", parts[i].number);
+    const MessagePart& part = parts[i];
+    if (part.kind == MessagePart::Kind::text) {
+      for (const char c : part.text) *end++ = c;
+    } else {
+      const bool integer = part.kind == MessagePart::Kind::integer;
+      end += std::snprintf(end, digits, integer ? "%.0f" : "%g", part.number);
     }
-    text.append(parts[i].text).append(number);
   }
+  *end = '\0';
 #if defined(__cpp_exceptions)
-  throw std::invalid_argument(text);
+  const std::invalid_argument error(text);
+  delete[] text;
+  throw error;
 #else
-  if (error_handler) error_handler(text.c_str());
+  if (error_handler) error_handler(text);
   std::abort();
 #endif
 }

@@ -70,7 +70,8 @@ class ActiveBounds {
 
   /// Takes component `q` back by `excess` and holds it there; those that are held stay where they
   /// are. False if nothing moves q, or the steps are used up.
-  bool hold(Index q, Scalar side, Scalar excess, Index most_steps, Scalar least_gain) noexcept {
+  [[gnu::cold]] bool hold(Index q, Scalar side, Scalar excess, Index most_steps,
+                          Scalar least_gain) noexcept {
     const Index n = x.size();
     while (steps < most_steps) {
       ++steps;
@@ -105,7 +106,7 @@ class ActiveBounds {
   }
 
   /// step_ = G_SS⁻¹ G_Sq over the held components S; what is left of G_qq while they stay.
-  Scalar solve_held(Index q) noexcept {
+  [[gnu::cold]] Scalar solve_held(Index q) noexcept {
     Scalar gain = gains(q, q);
     for (Index j = 0; j < held; ++j) {  // Cholesky, row by row
       Scalar right = gains(held_(j), q);

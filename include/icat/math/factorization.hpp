@@ -167,7 +167,7 @@ struct JacobiRotation {
 /// eigenvalues of a matrix with large ones keep their digits. False if 30 sweeps do not do (six
 /// are usual).
 template <class Scalar>
-[[gnu::noinline]] bool jacobi(Index n, Panel<Scalar> s, Panel<Scalar> v) noexcept {
+[[gnu::cold]] [[gnu::noinline]] bool jacobi(Index n, Panel<Scalar> s, Panel<Scalar> v) noexcept {
   for (int sweep = 0; sweep < 30; ++sweep) {
     bool rotated = false;
     for (Index i = 0; i < n; ++i) {

@@ -78,7 +78,8 @@ inline void set_element(Scalar* x, Index k, Scalar value) noexcept {
 }
 /// out = x from `first` to before `last`, and zeros in the rest of those packets.
 template <class Scalar>
-inline void copy_between(Index first, Index last, const Scalar* x, Scalar* out) noexcept {
+[[gnu::noinline]] void copy_between(Index first, Index last, const Scalar* x,
+                                    Scalar* out) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   constexpr Index size = Simd<Scalar>::size;

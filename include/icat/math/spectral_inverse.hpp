@@ -96,7 +96,7 @@ class SpectralInverse {
     }
   }
 
-  void set_identity() noexcept {
+  [[gnu::noinline]] void set_identity() noexcept {
     clear(vectors_, n_);
     for (Index i = 0; i < n_; ++i) vectors_(i, i) = Scalar(1);
   }
@@ -161,7 +161,7 @@ class SpectralInverse {
 
   /// V and all eigenvalues, by Jacobi's rotations.
   template <class Regularization>
-  bool rotate_all(Square s, const Regularization& f) noexcept {
+  [[gnu::cold]] [[gnu::noinline]] bool rotate_all(Square s, const Regularization& f) noexcept {
     set_identity();
     if (!jacobi(n_, s, vectors_)) return false;
     rest_ = below_ = 0;
@@ -175,7 +175,7 @@ class SpectralInverse {
 
   /// S of any size comes near 1 (exactly, by a power of two), so that no square overflows or
   /// vanishes. False if it is not finite.
-  bool prepare(Square s, Index n, Scalar threshold) noexcept {
+  [[gnu::noinline]] bool prepare(Square s, Index n, Scalar threshold) noexcept {
     n_ = size_ = n;
     reflections_ = 0;
     scale_ = Scalar(0);
@@ -196,7 +196,7 @@ class SpectralInverse {
 
   /// S ← (I − tau v vᵀ) S (I − tau v vᵀ) = S − v wᵀ − w vᵀ, w = p − (tau/2) (pᵀv) v, p = tau S v,
   /// from row and column k on, above which v is zero. What is above, in the same packets, is lost.
-  void update(Square s, Index k, const Scalar* v, Scalar tau) noexcept {
+  [[gnu::noinline]] void update(Square s, Index k, const Scalar* v, Scalar tau) noexcept {
     ++reflections_;
     const Index top = packet_begin<Scalar>(k), rows = n_ - top;
     Scalar* w = p_;
@@ -243,7 +243,7 @@ class SpectralInverse {
   }
 
   /// Step 2.
-  Index count_below(Scalar threshold, Index n) const noexcept {
+  [[gnu::noinline]] Index count_below(Scalar threshold, Index n) const noexcept {
     Index below = 0;
     Scalar q(1);
     for (Index i = 0; i < n; ++i) {
@@ -294,7 +294,7 @@ class SpectralInverse {
   /// large as 1/λ² there. One-sided Jacobi rotations make the columns of F V orthogonal that belong
   /// to small ones; their squared norms are the eigenvalues.
   template <class Regularization>
-  void refine(Square factor, Index rows, const Regularization& f) noexcept {
+  [[gnu::cold]] void refine(Square factor, Index rows, const Regularization& f) noexcept {
     const Square c = householder_, v = vectors_;
     const Scalar rounding = Scalar(rows) * std::numeric_limits<Scalar>::epsilon();
     const Index first = n_ - below_;
@@ -324,7 +324,7 @@ class SpectralInverse {
   }
 
   /// Eigenvalues below the threshold go last, and into S's own unit.
-  void sort(Scalar threshold) noexcept {
+  [[gnu::noinline]] void sort(Scalar threshold) noexcept {
     Index last = size_;
     for (Index i = size_; i-- > rest_;) {
       if (!(diagonal_[i] < threshold)) continue;

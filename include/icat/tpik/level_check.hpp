@@ -27,7 +27,7 @@ namespace icat::detail {
 
 /// `ok`, `numerical_failure` (not finite) or `implausible`.
 template <class Scalar>
-Status check_speeds(Index n, const Scalar* velocity) noexcept {
+[[gnu::noinline]] Status check_speeds(Index n, const Scalar* velocity) noexcept {
   if (!all_finite(n, velocity)) return Status::numerical_failure;
   for (Index i = 0; i < n; ++i) {
     if (std::abs(velocity[i]) > Scalar(implausible_speed)) return Status::implausible;
@@ -182,6 +182,24 @@ LevelInput<Scalar> level_input(const Eigen::MatrixBase<J>& jacobian,
   return {jacobian, activation, reference, row_scale};
 }
 
+/// The first row at fault, and what is wrong with it.
+template <class Scalar>
+[[gnu::cold]] void find_bad_row(const LevelInput<Scalar>& input, Index columns,
+                                LevelReport<Scalar>& level) noexcept {
+  for (Index i = 0; i < level.rows && level.bad_row < 0; ++i) {
+    const Scalar a = input.activation(i);
+    bool finite = std::isfinite(a) && std::isfinite(input.reference(i));
+    for (Index j = 0; j < columns; ++j) finite = finite && std::isfinite(input.jacobian(i, j));
+    const bool in_range = a >= Scalar(0) && a <= Scalar(1),
+               scaled = input.scale(i) > Scalar(0) && input.scale(i) < infinity<Scalar>;
+    if (finite && in_range && scaled) continue;
+    level.status = !finite    ? Status::non_finite
+                   : in_range ? Status::out_of_range
+                              : Status::activation_out_of_range;
+    level.bad_row = i;
+  }
+}
+
 /// Fills rows, active rows, status and bad row. Rows that are inactive are checked too.
 template <class Scalar>
 LevelReport<Scalar> check_level(const LevelInput<Scalar>& input, Index columns) noexcept {
@@ -201,19 +219,7 @@ LevelReport<Scalar> check_level(const LevelInput<Scalar>& input, Index columns) 
     good &= a >= Scalar(0) && a <= Scalar(1) && reference(i) * Scalar(0) == Scalar(0);
     if (a > Scalar(0)) ++level.active_rows;
   }
-  if (good) return level;
-  for (Index i = 0; i < level.rows && level.bad_row < 0; ++i) {
-    const Scalar a = activation(i);
-    bool finite = std::isfinite(a) && std::isfinite(reference(i));
-    for (Index j = 0; j < columns; ++j) finite = finite && std::isfinite(jacobian(i, j));
-    const bool in_range = a >= Scalar(0) && a <= Scalar(1),
-               scaled = input.scale(i) > Scalar(0) && input.scale(i) < infinity<Scalar>;
-    if (finite && in_range && scaled) continue;
-    level.status = !finite    ? Status::non_finite
-                   : in_range ? Status::out_of_range
-                              : Status::activation_out_of_range;
-    level.bad_row = i;
-  }
+  if (!good) find_bad_row(input, columns, level);
   return level;
 }
 

@@ -71,14 +71,14 @@ class LevelRows {
   bool tall() const noexcept { return active_ > free(); }
 
   /// out = f(S) in, S = g. Large values of f must not meet the rounding of others.
-  void invert(Block in, Block out) const noexcept {
+  [[gnu::noinline]] void invert(Block in, Block out) const noexcept {
     detail::product(Into::set, rank, sides_, rank, f, elements(in), out);
     for (Index i = rank - below; i < rank; ++i) {
       add_projection(rank, inverses[i], basis[i], sides_, in, out);
     }
   }
   /// y ← S f(S) y, S = g: the identity but for the eigenvalues below the threshold.
-  void filter(Block y) const noexcept {
+  [[gnu::noinline]] void filter(Block y) const noexcept {
     for (Index i = rank - below; i < rank; ++i) {
       add_projection(rank, gains[i] - Scalar(1), basis[i], sides_, y, y);
     }
@@ -134,10 +134,10 @@ class LevelRows {
   }
 
   /// BᵀA^{1/2} of a tall level's chunk.
-  void weigh_rows(Index k) noexcept {
+  [[gnu::noinline]] void weigh_rows(Index k) noexcept {
     for (Index i = 0; i < k; ++i) scale(free(), std::sqrt(a[i]), bt[i], weighted_rows()[i]);
   }
-  void fold(Index k) noexcept {
+  [[gnu::noinline]] void fold(Index k) noexcept {
     Scalar *w = system.scratch[1].data, *x = system.scratch[2].data;
     if (!binary || folds()) detail::fold(free(), k, weighted_rows(), weighted_triangle(), w, x);
     detail::fold(free(), k, bt, triangle(), w, x);
@@ -173,7 +173,7 @@ class LevelRows {
     return true;
   }
   /// change ← f change
-  void set_change() noexcept {
+  [[gnu::noinline]] void set_change() noexcept {
     const Block weighted = system.scratch[0];
     copy(change, weighted, rank);
     product(Into::set, rank, rank, rank, f, elements(weighted), change);

@@ -36,7 +36,8 @@ class PriorityIteration {
   PriorityIteration(const Regularization& regularization, Scalar projection_weight)
       : level_(regularization, projection_weight), eta_(projection_weight) {}
 
-  [[gnu::noinline]] void bind(Index n, Index sides, Scalar* memory_of_columns) noexcept {
+  [[gnu::cold]] [[gnu::noinline]] void bind(Index n, Index sides,
+                                            Scalar* memory_of_columns) noexcept {
     PanelMemory<Scalar> memory(memory_of_columns, n);
     level_.bind(n, sides, memory);
     for (Block* b : {&increment, &y_, &z_, &side_}) *b = memory.take(sides);
@@ -155,7 +156,7 @@ class PriorityIteration {
     return true;
   }
   /// y_ = B z where rows and partial rows depend on each other, or nothing is certain.
-  bool solve_dependent() noexcept {
+  [[gnu::cold]] bool solve_dependent() noexcept {
     const Index r = free(), m = level_.rank;
     const bool spans = m + q().partial() >= r;  // else M has zeros, and no Cholesky factor
     if (!spans && !level_.regularized && system().reduces(m) &&
@@ -171,7 +172,7 @@ class PriorityIteration {
     transposed_product(r, m, sides_, level_.bt, z_, y_);
     return true;
   }
-  void apply_wide(Block y) noexcept {
+  [[gnu::noinline]] void apply_wide(Block y) noexcept {
     level_.invert(y, side_);
     product(Into::set, free(), sides_, level_.rank, level_.bt, elements(side_), z_);
   }
@@ -196,7 +197,7 @@ class PriorityIteration {
   }
 
   /// increment = L z_, in the axes that all began with.
-  bool extend() noexcept {
+  [[gnu::noinline]] bool extend() noexcept {
     q().extend(sides_, z_, increment);
     q().turn_back(sides_, increment);
     return all_finite(sides_ * increment.stride, increment.data);

@@ -199,7 +199,7 @@ class ProjectedSystem {
   }
 
   /// out = s f(s) in (n × sides); `s` is overwritten, `square` scratch.
-  bool filter(Block s, Index n, Block in, Block out, Block square) noexcept {
+  [[gnu::noinline]] bool filter(Block s, Index n, Block in, Block out, Block square) noexcept {
     if (sides_ == 1) return spectral.filter(s, n, in.data, out.data, regularization);
     if (!spectral.compute(s, n, square, regularization)) return false;
     copy_rows(n, sides_, in, out);
@@ -207,12 +207,13 @@ class ProjectedSystem {
     return true;
   }
   /// z = (l lᵀ)⁻¹ rhs
-  void solve(Index n, Block l, Block rhs, Block z) noexcept {
+  [[gnu::noinline]] void solve(Index n, Block l, Block rhs, Block z) noexcept {
     copy_rows(n, sides_, rhs, side_);
     for (Index c = 0; c < sides_; ++c) cholesky_solve(n, l, side_[c], z[c]);
   }
   /// s += weight · r k rᵀ, for r (n × p) and symmetric k; `rk` is scratch.
-  void add_weighted(Index n, Block r, Block k, Scalar weight, Block rk, Block s) noexcept {
+  [[gnu::noinline]] void add_weighted(Index n, Block r, Block k, Scalar weight, Block rk,
+                                      Block s) noexcept {
     const Index p = projector.partial();
     product(Into::set, n, p, p, r, elements(k), rk);
     scale(n, p, weight, rk, rk);
@@ -231,7 +232,7 @@ class ProjectedSystem {
     return std::min(projector.partial(), projector.reach() - projector.free());
   }
   bool valid_kv() const noexcept { return !taken() || eta_ > sigma_; }
-  bool set_kv(Block kv) noexcept {
+  [[gnu::noinline]] bool set_kv(Block kv) noexcept {
     if (!valid_kv()) return false;
     projector.weigh();
     const Index p = projector.partial();

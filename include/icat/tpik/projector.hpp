@@ -76,7 +76,7 @@ class Projector {
 
   /// x (n × k) in the axes.
   void turn(Index k, Block x) const noexcept { turn_by(dof_, k, x); }
-  void turn_back(Index k, Block x) const noexcept {
+  [[gnu::noinline]] void turn_back(Index k, Block x) const noexcept {
     Index i = free_;
     for (; i + 2 <= dof_; i += 2) {
       reflect_twice(i + 2, tau_[i], reflections_[i], tau_[i + 1], reflections_[i + 1], overlap_[i],
@@ -85,7 +85,7 @@ class Projector {
     if (i < dof_) reflect(i + 1, tau_[i], reflections_[i], k, x);
   }
   /// x (b × k, in the axes) ← Lᵀ x (r × k).
-  void restrict(Index k, Block x) const noexcept {
+  [[gnu::noinline]] void restrict(Index k, Block x) const noexcept {
     if (partial_ > 0) transposed_product(reach_, partial_, k, u_, x, work_);
     for (Index c = 0; c < k; ++c) fill_up(free_, x[c]);
     if (dense_) {
@@ -95,7 +95,7 @@ class Projector {
     }
   }
   /// out (b × k) = L x, x: r × k.
-  void extend(Index k, Block x, Block out) const noexcept {
+  [[gnu::noinline]] void extend(Index k, Block x, Block out) const noexcept {
     copy_rows(free_, k, x, out);
     if (partial_ == 0) return;
     if (!dense_) transposed_product(free_, partial_, k, v_, x, work_);
@@ -103,7 +103,7 @@ class Projector {
   }
 
   /// `k` more partial rows: U gains `u` (b × k), V `v` (r × k).
-  void gain(Index k, Block u, Block v) noexcept {
+  [[gnu::noinline]] void gain(Index k, Block u, Block v) noexcept {
     start();
     weighed_ = false;
     if (!dense_ && partial_ + k < free_) {
@@ -158,7 +158,7 @@ class Projector {
   Block k_taken() const noexcept { return k_taken_; }
   Block v_gram() const noexcept { return v_gram_; }
   /// Makes them ready.
-  void weigh() noexcept {
+  [[gnu::noinline]] void weigh() noexcept {
     if (weighed_) return;
     weighed_ = true;
     if (!dense_) gram(free_, partial_, v_, v_gram_);
@@ -177,7 +177,7 @@ class Projector {
   }
 
   /// Z = U Vᵀ, b × r: in place.
-  void become_dense() noexcept {
+  [[gnu::noinline]] void become_dense() noexcept {
     if (dense_) return;
     weighed_ = false;
     if (partial_ > 0) {
@@ -191,7 +191,7 @@ class Projector {
   }
 
   /// Q is zero but for rounding: ‖Q‖² at most ε^{3/2}.
-  bool vanishes() const noexcept {
+  [[gnu::noinline]] bool vanishes() const noexcept {
     if (!dense_) return free_ == 0;
     const Scalar limit =
         std::numeric_limits<Scalar>::epsilon() * std::sqrt(std::numeric_limits<Scalar>::epsilon());
@@ -213,10 +213,10 @@ class Projector {
   }
 
   /// x (k columns) by the reflections that took the axes from free_ to `end`, two at a time.
-  void turn_by(Index end, Index k, Block x) const noexcept {
+  [[gnu::noinline]] void turn_by(Index end, Index k, Block x) const noexcept {
     for (; end - 2 >= free_; end -= 2) {
-      reflect_twice(end, tau_[end - 1], reflections_[end - 1], tau_[end - 2],
-                    reflections_[end - 2], overlap_[end - 2], k, x);
+      reflect_twice(end, tau_[end - 1], reflections_[end - 1], tau_[end - 2], reflections_[end - 2],
+                    overlap_[end - 2], k, x);
     }
     if (end > free_) reflect(end, tau_[end - 1], reflections_[end - 1], k, x);
   }

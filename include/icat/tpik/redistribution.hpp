@@ -33,8 +33,8 @@ class Redistribution {
   /// be past a bound still, by rounding or where the steps, 4 n, do not suffice: scale it.
   /// `projector(i, j)` is Q; `lower(i)` and `upper(i)` are bounds that hold ρ.
   template <class Q, class Lower, class Upper>
-  Scalar solve(const Q& projector, const Scalar* rho, const Scalar* delta, Lower lower,
-               Upper upper) noexcept {
+  [[gnu::cold]] Scalar solve(const Q& projector, const Scalar* rho, const Scalar* delta,
+                             Lower lower, Upper upper) noexcept {
     const Index n = increment.size();
     Scalar largest(0), square(0), along(0);
     for (Index i = 0; i < n; ++i) largest = std::max(largest, std::abs(delta[i]));

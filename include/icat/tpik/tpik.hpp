@@ -229,7 +229,7 @@ class Tpik {
   }
 
   /// The increment passes a bound, and next_rho_ is ρ + Sat(Δ) as published.
-  void saturate(LevelReport<Scalar>& level, Scalar share) noexcept {
+  [[gnu::cold]] void saturate(LevelReport<Scalar>& level, Scalar share) noexcept {
     const Scalar* increment = iteration_.increment.data;
     // A component that starts outside may stay there.
     const auto lower = [&](Index i) { return std::min(share * options_.bounds.lower(i), rho_(i)); };

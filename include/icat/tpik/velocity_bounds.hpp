@@ -50,7 +50,7 @@ struct VelocityBounds {
 
   /// `wrong_size` unless each side is empty or has `dof` components, `non_finite` for NaN,
   /// `out_of_range` where 0 is not between them. No allocation.
-  Status check(Index dof) const noexcept {
+  [[gnu::noinline]] Status check(Index dof) const noexcept {
     if (!sized(lower, dof) || !sized(upper, dof)) return Status::wrong_size;
     Status status = Status::ok;
     for (Index i = 0; i < dof; ++i) {
@@ -61,7 +61,7 @@ struct VelocityBounds {
     return status;
   }
   /// Throws `std::invalid_argument` where `check` would refuse.
-  void validate(const char* owner, Index dof) const {
+  [[gnu::cold]] void validate(const char* owner, Index dof) const {
     if (!sized(lower, dof) || !sized(upper, dof)) {
       detail::invalid(owner, ": velocity bounds have ", lower.size(), " and ", upper.size(),
                       " components, need ", dof);
