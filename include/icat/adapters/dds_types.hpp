@@ -51,53 +51,38 @@ inline constexpr std::uint32_t doubles_op =
 inline constexpr std::uint32_t array_op =
     op(DDS_OP_ADR, DDS_OP_TYPE_ARR, DDS_OP_SUBTYPE_8BY, DDS_OP_FLAG_FP);
 
-inline constexpr std::uint32_t joint_state_ops[] = {op(integer_op, DDS_OP_FLAG_SGN),
-                                                    offsetof(JointStateSample, sec),
-                                                    integer_op,
-                                                    offsetof(JointStateSample, nanosec),
-                                                    string_op,
-                                                    offsetof(JointStateSample, frame_id),
-                                                    strings_op,
-                                                    offsetof(JointStateSample, name),
-                                                    doubles_op,
-                                                    offsetof(JointStateSample, position),
-                                                    doubles_op,
-                                                    offsetof(JointStateSample, velocity),
-                                                    doubles_op,
-                                                    offsetof(JointStateSample, effort),
-                                                    DDS_OP_RTS};
-inline constexpr std::uint32_t odometry_ops[] = {op(integer_op, DDS_OP_FLAG_SGN),
-                                                 offsetof(OdometrySample, sec),
-                                                 integer_op,
-                                                 offsetof(OdometrySample, nanosec),
-                                                 string_op,
-                                                 offsetof(OdometrySample, frame_id),
-                                                 string_op,
-                                                 offsetof(OdometrySample, child_frame_id),
-                                                 array_op,
-                                                 offsetof(OdometrySample, numbers),
-                                                 85,
-                                                 DDS_OP_RTS};
-inline constexpr std::uint32_t twist_ops[] = {array_op, offsetof(TwistSample, numbers), 6,
-                                              DDS_OP_RTS};
+// clang-format off
+inline constexpr std::uint32_t joint_state_ops[] = {
+    op(integer_op, DDS_OP_FLAG_SGN), offsetof(JointStateSample, sec),
+    integer_op, offsetof(JointStateSample, nanosec),
+    string_op, offsetof(JointStateSample, frame_id),
+    strings_op, offsetof(JointStateSample, name),
+    doubles_op, offsetof(JointStateSample, position),
+    doubles_op, offsetof(JointStateSample, velocity),
+    doubles_op, offsetof(JointStateSample, effort),
+    DDS_OP_RTS};
+inline constexpr std::uint32_t odometry_ops[] = {
+    op(integer_op, DDS_OP_FLAG_SGN), offsetof(OdometrySample, sec),
+    integer_op, offsetof(OdometrySample, nanosec),
+    string_op, offsetof(OdometrySample, frame_id),
+    string_op, offsetof(OdometrySample, child_frame_id),
+    array_op, offsetof(OdometrySample, numbers), 85,
+    DDS_OP_RTS};
+inline constexpr std::uint32_t twist_ops[] = {
+    array_op, offsetof(TwistSample, numbers), 6,
+    DDS_OP_RTS};
 inline constexpr std::uint32_t multi_array_ops[] = {
     // The elements' program begins 4 words from here, that of the next member 11.
-    op(DDS_OP_ADR, DDS_OP_TYPE_SEQ, DDS_OP_SUBTYPE_STU),
-    offsetof(MultiArraySample, dim),
-    sizeof(DimensionSample),
-    (11u << 16u) + 4u,
-    string_op,
-    offsetof(DimensionSample, label),
-    integer_op,
-    offsetof(DimensionSample, size),
-    integer_op,
-    offsetof(DimensionSample, stride),
+    op(DDS_OP_ADR, DDS_OP_TYPE_SEQ, DDS_OP_SUBTYPE_STU), offsetof(MultiArraySample, dim),
+        sizeof(DimensionSample), (11u << 16u) + 4u,
+    string_op, offsetof(DimensionSample, label),
+    integer_op, offsetof(DimensionSample, size),
+    integer_op, offsetof(DimensionSample, stride),
     DDS_OP_RTS,
-    integer_op,
-    offsetof(MultiArraySample, data_offset),
-    doubles_op,
-    offsetof(MultiArraySample, data),
+    integer_op, offsetof(MultiArraySample, data_offset),
+    doubles_op, offsetof(MultiArraySample, data),
     DDS_OP_RTS};
+// clang-format on
 
 template <class Sample, std::size_t N>
 constexpr dds_topic_descriptor_t describe_type(const char* name, const std::uint32_t (&ops)[N],

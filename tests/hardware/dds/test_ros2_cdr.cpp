@@ -1,0 +1,472 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// ros2_cdr.hpp against @foxglove/rosmsg2-serialization, and against what no message may be.
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <random>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "icat/adapters/ros2_cdr.hpp"
+#include "tests/support/allocation_counter.hpp"
+
+namespace {
+
+using icat::Status;
+namespace ros2 = icat::ros2;
+using ByteVector = std::vector<std::uint8_t>;
+
+std::string hex(const ByteVector& bytes) {
+  std::string text;
+  for (const std::uint8_t byte : bytes) {
+    char two[3];
+    std::snprintf(two, sizeof two, "%02x", byte);
+    text += two;
+  }
+  return text;
+}
+ByteVector bytes(const std::string& hex) {
+  ByteVector all;
+  for (std::size_t i = 0; i + 1 < hex.size(); i += 2) {
+    all.push_back(static_cast<std::uint8_t>(std::stoi(hex.substr(i, 2), nullptr, 16)));
+  }
+  return all;
+}
+
+template <class Numbers>
+std::string json(const Numbers& values) {
+  std::string text = "[";
+  for (const double x : values) {
+    char number[40];
+    std::snprintf(number, sizeof number, "%s%.17g", text.size() > 1 ? "," : "", x);
+    text += number;
+  }
+  return text + "]";
+}
+template <class Numbers>
+std::string named(const Numbers& values, std::size_t first, const char* names) {
+  std::string text = "{";
+  for (std::size_t i = 0; names[i]; ++i) {
+    char number[48];
+    std::snprintf(number, sizeof number, "%s\"%c\":%.17g", i ? "," : "", names[i],
+                  values[first + i]);
+    text += number;
+  }
+  return text + "}";
+}
+std::string json(const ros2::Header& header) {
+  return "{\"stamp\":{\"sec\":" + std::to_string(header.sec) +
+         ",\"nanosec\":" + std::to_string(header.nanosec) + "},\"frame_id\":\"" +
+         std::string(header.frame_id) + "\"}";
+}
+
+// What goes to the other side and comes back.
+struct JointStateFields {
+  ros2::Header header;
+  std::vector<std::string_view> name;
+  std::vector<double> position, velocity, effort;
+
+  static constexpr const char* type = "sensor_msgs/JointState";
+  ByteVector encode() const {
+    ByteVector room(4096);
+    room.resize(ros2::encode_joint_state(header, name, position, velocity, effort, room));
+    return room;
+  }
+  std::string value() const {
+    std::string names;
+    for (const auto& n : name) names.append(names.empty() ? "\"" : ",\"").append(n).append("\"");
+    return "{\"header\":" + json(header) + ",\"name\":[" + names +
+           "],\"position\":" + json(position) + ",\"velocity\":" + json(velocity) +
+           ",\"effort\":" + json(effort) + "}";
+  }
+  void expect(const ByteVector& message) const {
+    ros2::JointStateMessage m;
+    ASSERT_TRUE(ros2::decode(message, m));
+    EXPECT_EQ(m.header.sec, header.sec);
+    EXPECT_EQ(m.header.nanosec, header.nanosec);
+    EXPECT_EQ(m.header.frame_id, header.frame_id);
+    ASSERT_EQ(m.name.size(), name.size());
+    std::string_view text;
+    for (const auto& n : name) {
+      ASSERT_TRUE(m.name.next(text));
+      EXPECT_EQ(text, n);
+    }
+    EXPECT_FALSE(m.name.next(text));
+    equal(m.position, position);
+    equal(m.velocity, velocity);
+    equal(m.effort, effort);
+  }
+  static void equal(const ros2::Doubles& one, const std::vector<double>& other) {
+    ASSERT_EQ(one.size(), other.size());
+    for (std::size_t i = 0; i < other.size(); ++i) EXPECT_EQ(one[i], other[i]);
+  }
+};
+struct OdometryFields {
+  ros2::OdometryMessage message;
+
+  static constexpr const char* type = "nav_msgs/Odometry";
+  ByteVector encode() const {
+    ByteVector room(4096);
+    room.resize(ros2::encode(message, room));
+    return room;
+  }
+  std::string value() const {
+    const icat::Odometry& o = message.odometry;
+    return "{\"header\":" + json(message.header) + ",\"child_frame_id\":\"" +
+           std::string(message.child_frame_id) +
+           "\",\"pose\":{\"pose\":{\"position\":" + named(o.position, 0, "xyz") +
+           ",\"orientation\":" + named(o.orientation, 0, "xyzw") +
+           "},\"covariance\":" + json(message.pose_covariance) +
+           "},\"twist\":{\"twist\":{\"linear\":" + named(o.twist, 0, "xyz") +
+           ",\"angular\":" + named(o.twist, 3, "xyz") +
+           "},\"covariance\":" + json(message.twist_covariance) + "}}";
+  }
+  void expect(const ByteVector& bytes) const {
+    ros2::OdometryMessage m;
+    ASSERT_TRUE(ros2::decode(bytes, m));
+    EXPECT_EQ(m.header.sec, message.header.sec);
+    EXPECT_EQ(m.header.nanosec, message.header.nanosec);
+    EXPECT_EQ(m.header.frame_id, message.header.frame_id);
+    EXPECT_EQ(m.child_frame_id, message.child_frame_id);
+    EXPECT_EQ(m.odometry.position, message.odometry.position);
+    EXPECT_EQ(m.odometry.orientation, message.odometry.orientation);
+    EXPECT_EQ(m.odometry.twist, message.odometry.twist);
+    EXPECT_EQ(m.pose_covariance, message.pose_covariance);
+    EXPECT_EQ(m.twist_covariance, message.twist_covariance);
+  }
+};
+struct TwistFields {
+  icat::Twist twist;
+
+  static constexpr const char* type = "geometry_msgs/Twist";
+  ByteVector encode() const {
+    ByteVector room(64);
+    room.resize(ros2::encode(twist, room));
+    return room;
+  }
+  std::string value() const {
+    return "{\"linear\":" + named(twist, 0, "xyz") + ",\"angular\":" + named(twist, 3, "xyz") + "}";
+  }
+  void expect(const ByteVector& bytes) const {
+    icat::Twist t{};
+    ASSERT_TRUE(ros2::decode(bytes, t));
+    EXPECT_EQ(t, twist);
+  }
+};
+struct MultiArrayFields {
+  std::vector<double> data;
+
+  static constexpr const char* type = "std_msgs/Float64MultiArray";
+  ByteVector encode() const {
+    ByteVector room(4096);
+    room.resize(ros2::encode_multi_array(data, room));
+    return room;
+  }
+  std::string value() const {
+    return "{\"layout\":{\"dim\":[],\"data_offset\":0},\"data\":" + json(data) + "}";
+  }
+  void expect(const ByteVector& bytes) const {
+    ros2::Float64MultiArrayMessage m;
+    ASSERT_TRUE(ros2::decode(bytes, m));
+    EXPECT_EQ(m.dimensions, 0u);
+    EXPECT_EQ(m.data_offset, 0u);
+    JointStateFields::equal(m.data, data);
+  }
+};
+
+std::vector<double> random_numbers(std::size_t count) {
+  static std::mt19937 generator(17);
+  std::uniform_real_distribution<double> mantissa(-1, 1), exponent(-200, 200);
+  std::vector<double> values(count);
+  for (double& x : values) x = mantissa(generator) * std::pow(10, exponent(generator));
+  return values;
+}
+template <std::size_t N>
+void fill(std::array<double, N>& values) {
+  const auto from = random_numbers(N);
+  std::copy(from.begin(), from.end(), values.begin());
+}
+
+std::vector<JointStateFields> joint_states() {
+  std::vector<JointStateFields> all;
+  // Names of every length modulo 8, so that the padding is seen.
+  const std::vector<std::string_view> names{
+      "", "a", "ab", "abc", "abcd", "abcde", "abcdef", "abcdefg", "abcdefgh", "shoulder_pan"};
+  for (std::size_t count = 0; count <= names.size(); ++count) {
+    for (const bool velocity : {false, true}) {
+      for (const bool effort : {false, true}) {
+        JointStateFields f;
+        f.header = {static_cast<std::int32_t>(1700000000 + count),
+                    static_cast<std::uint32_t>(999999999 - count), names[count % names.size()]};
+        f.name.assign(names.begin(), names.begin() + static_cast<long>(count));
+        f.position = random_numbers(count);
+        if (velocity) f.velocity = random_numbers(count);
+        if (effort) f.effort = random_numbers(count);
+        all.push_back(f);
+      }
+    }
+  }
+  all[0].header.sec = -1;
+  return all;
+}
+std::vector<OdometryFields> odometries() {
+  std::vector<OdometryFields> all(9);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    auto& m = all[i].message;
+    m.header = {1700000000, 1, std::string_view("odometry").substr(0, i)};
+    m.child_frame_id = std::string_view("base_link").substr(i);
+    fill(m.odometry.position);
+    fill(m.odometry.orientation);
+    fill(m.odometry.twist);
+    fill(m.pose_covariance);
+    fill(m.twist_covariance);
+  }
+  return all;
+}
+std::vector<TwistFields> twists() {
+  std::vector<TwistFields> all(3);
+  for (auto& t : all) fill(t.twist);
+  return all;
+}
+std::vector<MultiArrayFields> multi_arrays() {
+  std::vector<MultiArrayFields> all;
+  for (const std::size_t n : {0u, 1u, 7u, 100u}) all.push_back({random_numbers(n)});
+  return all;
+}
+
+// The same ones for each that asks.
+struct Messages {
+  std::vector<JointStateFields> joints = joint_states();
+  std::vector<OdometryFields> odometry = odometries();
+  std::vector<TwistFields> twist = twists();
+  std::vector<MultiArrayFields> arrays = multi_arrays();
+};
+const Messages& messages() {
+  static const Messages all;
+  return all;
+}
+template <class F>
+void for_all(F f) {
+  for (const auto& m : messages().joints) f(m);
+  for (const auto& m : messages().odometry) f(m);
+  for (const auto& m : messages().twist) f(m);
+  for (const auto& m : messages().arrays) f(m);
+}
+
+TEST(Ros2Cdr, FoxgloveReadsAndWritesTheSameBytes) {
+  const std::string jobs = ::testing::TempDir() + "ros2_cdr_jobs." + std::to_string(::getpid());
+  {
+    std::ofstream out(jobs);
+    for_all([&](const auto& m) {
+      out << "{\"type\":\"" << m.type << "\",\"hex\":\"" << hex(m.encode())
+          << "\",\"value\":" << m.value() << "}\n";
+    });
+    // A layout, which is read but never written by us.
+    out << R"({"type":"std_msgs/Float64MultiArray","value":{"layout":{"dim":[)"
+        << R"({"label":"rows","size":2,"stride":6},{"label":"columns","size":3,"stride":3}],)"
+        << R"("data_offset":1},"data":[1,2,3]}})"
+        << "\n";
+  }
+  const std::string command = "NODE_PATH='" ICAT_NODE_MODULES "' '" ICAT_NODE "' '" ICAT_PEERS
+                              "/foxglove.js' <'" +
+                              jobs + "'";
+  std::unique_ptr<FILE, int (*)(FILE*)> node(::popen(command.c_str(), "r"), ::pclose);
+  std::string answers;
+  char block[4096];
+  while (const std::size_t n = std::fread(block, 1, sizeof block, node.get())) {
+    answers.append(block, n);
+  }
+  const int result = ::pclose(node.release());
+  std::remove(jobs.c_str());
+  ASSERT_EQ(result, 0) << "foxglove.js says what differs";
+  std::istringstream lines(answers);
+  std::string little, big;
+  int count = 0;
+  for_all([&](const auto& m) {
+    ASSERT_TRUE(std::getline(lines, little) && std::getline(lines, big));
+    ASSERT_EQ(little.substr(0, 8), "00010000");
+    ASSERT_EQ(big.substr(0, 8), "00000000");
+    m.expect(bytes(little));
+    m.expect(bytes(big));
+    ++count;
+  });
+  while (std::getline(lines, little)) {
+    const ByteVector b = bytes(little);
+    ros2::Float64MultiArrayMessage m;
+    ASSERT_TRUE(ros2::decode(b, m));
+    EXPECT_EQ(m.dimensions, 2u);
+    EXPECT_EQ(m.data_offset, 1u);
+    JointStateFields::equal(m.data, {1, 2, 3});
+    ++count;
+  }
+  EXPECT_EQ(count, 44 + 9 + 3 + 4 + 2);
+}
+
+TEST(Ros2Cdr, DecodesWhatItEncodes) {
+  for_all([](const auto& m) { m.expect(m.encode()); });
+}
+
+// Nothing that is cut off, longer, or encoded in another way is a message; nor does any of it
+// change what was there.
+TEST(Ros2Cdr, RefusesWhatIsNoMessage) {
+  for_all([](const auto& m) {
+    const ByteVector good = m.encode();
+    const auto decodes = [&](const ByteVector& b) {
+      if constexpr (std::is_same_v<decltype(m), const JointStateFields&>) {
+        ros2::JointStateMessage to;
+        to.header.sec = 42;
+        const bool ok = ros2::decode(b, to);
+        EXPECT_TRUE(ok || to.header.sec == 42);
+        return ok;
+      } else if constexpr (std::is_same_v<decltype(m), const OdometryFields&>) {
+        ros2::OdometryMessage to;
+        to.header.sec = 42;
+        const bool ok = ros2::decode(b, to);
+        EXPECT_TRUE(ok || to.header.sec == 42);
+        return ok;
+      } else if constexpr (std::is_same_v<decltype(m), const TwistFields&>) {
+        icat::Twist to{42};
+        const bool ok = ros2::decode(b, to);
+        EXPECT_TRUE(ok || to[0] == 42);
+        return ok;
+      } else {
+        ros2::Float64MultiArrayMessage to;
+        to.dimensions = 42;
+        const bool ok = ros2::decode(b, to);
+        EXPECT_TRUE(ok || to.dimensions == 42);
+        return ok;
+      }
+    };
+    ASSERT_TRUE(decodes(good));
+    for (std::size_t size = 0; size < good.size(); ++size) {
+      EXPECT_FALSE(decodes(ByteVector(good.begin(), good.begin() + static_cast<long>(size))));
+    }
+    ByteVector padded = good;
+    for (int more = 1; more < 12; ++more) {
+      padded.push_back(0);
+      EXPECT_EQ(decodes(padded), more < 4) << more;
+    }
+    ByteVector twice = good;
+    twice.insert(twice.end(), good.begin(), good.end());
+    EXPECT_FALSE(decodes(twice));
+    for (const int kind : {2, 3, 6, 7, 8, 9, 10, 11}) {  // parameter lists, version 2
+      ByteVector other = good;
+      other[1] = static_cast<std::uint8_t>(kind);
+      EXPECT_FALSE(decodes(other)) << kind;
+    }
+    // Room for less than all of it.
+    for (std::size_t size = 0; size < good.size(); ++size) {
+      ByteVector room(size, 0xee);
+      if constexpr (std::is_same_v<decltype(m), const JointStateFields&>) {
+        EXPECT_EQ(
+            ros2::encode_joint_state(m.header, m.name, m.position, m.velocity, m.effort, room), 0u);
+      } else if constexpr (std::is_same_v<decltype(m), const OdometryFields&>) {
+        EXPECT_EQ(ros2::encode(m.message, room), 0u);
+      } else if constexpr (std::is_same_v<decltype(m), const TwistFields&>) {
+        EXPECT_EQ(ros2::encode(m.twist, room), 0u);
+      } else {
+        EXPECT_EQ(ros2::encode_multi_array(m.data, room), 0u);
+      }
+    }
+  });
+}
+
+TEST(Ros2Cdr, RefusesWhatIsAtOddsWithItself) {
+  ros2::JointStateMessage m;
+  JointStateFields f = messages().joints.back();
+  f.header.nanosec = 1000000000;
+  EXPECT_FALSE(ros2::decode(f.encode(), m));
+  f.header.nanosec = 999999999;
+  EXPECT_TRUE(ros2::decode(f.encode(), m));
+  f.velocity.pop_back();
+  EXPECT_TRUE(f.encode().empty());
+  f.velocity.clear();
+  ByteVector b = f.encode();
+  b[4 + 8] = 0;  // the frame's name without its zero: everything behind it moves
+  EXPECT_FALSE(ros2::decode(b, m));
+  // Lengths that overflow a size when they are multiplied or added.
+  MultiArrayFields array{{1, 2}};
+  for (const std::uint32_t length : {3u, 0x1fffffffu, 0x20000000u, 0x20000002u, 0xffffffffu}) {
+    for (const std::size_t place : {4u, 12u}) {  // dimensions, data
+      b = array.encode();
+      std::memcpy(b.data() + place, &length, 4);
+      ros2::Float64MultiArrayMessage to;
+      EXPECT_FALSE(ros2::decode(b, to)) << length << " at " << place;
+    }
+  }
+}
+
+// In any order, among others, without all of the sequences; old, doubled, no numbers.
+TEST(Ros2Cdr, JointStates) {
+  const double nan = std::nan(""), infinite = INFINITY;
+  icat::JointStates joints({"shoulder", "elbow"});
+  const auto put = [&](std::int32_t sec, std::vector<double> position, std::vector<double> velocity,
+                       double now) {
+    JointStateFields f;
+    f.header.sec = sec;
+    f.name = {"elbow", "gripper", "shoulder"};
+    f.position = std::move(position);
+    f.velocity = std::move(velocity);
+    const ByteVector b = f.encode();
+    ros2::JointStateMessage m;
+    EXPECT_TRUE(ros2::decode(b, m));
+    Status status{};
+    EXPECT_EQ(count_allocations([&] { status = ros2::put(m, now, joints); }), 0);
+    return status;
+  };
+  EXPECT_EQ(put(10, {1, 2, 3}, {4, nan, nan}, 100), Status::ok);
+  EXPECT_EQ(joints[0].value.position, 3);
+  EXPECT_EQ(joints[0].value.velocity, 0);  // not measured
+  EXPECT_EQ(joints[1].value.position, 1);
+  EXPECT_EQ(joints[1].value.velocity, 4);
+  EXPECT_EQ(put(10, {9, 9, 9}, {}, 101), Status::time_reversed);
+  EXPECT_EQ(put(9, {9, 9, 9}, {}, 101), Status::time_reversed);
+  EXPECT_EQ(put(11, {nan, nan, infinite}, {}, 101), Status::non_finite);
+  EXPECT_EQ(put(11, {9, 9, 9}, {infinite, 0, infinite}, 101), Status::non_finite);
+  EXPECT_EQ(put(11, {}, {9, 9, 9}, 101), Status::ok);  // no positions: nothing for us
+  EXPECT_EQ(joints[0].value.position, 3);
+  EXPECT_EQ(joints.age(101), 1);
+  EXPECT_EQ(put(11, {5, nan, 6}, {}, 102), Status::ok);
+  EXPECT_EQ(joints[0].value.position, 6);
+  EXPECT_EQ(joints[1].value.velocity, 0);
+  EXPECT_EQ(joints.age(102), 0);
+}
+
+TEST(Ros2Cdr, Orientations) {
+  icat::Odometry o;
+  EXPECT_EQ(ros2::normalize(o), Status::ok);
+  o.orientation = {0, 0, 0, 0};  // as a message is made
+  EXPECT_EQ(ros2::normalize(o), Status::not_a_rotation);
+  o.orientation = {0, 0, 0.6, 0.805};
+  EXPECT_EQ(ros2::normalize(o), Status::ok);
+  double square = 0;
+  for (const double x : o.orientation) square += x * x;
+  EXPECT_NEAR(square, 1, 1e-15);
+  o.orientation = {0, 0, 0, 1.02};
+  EXPECT_EQ(ros2::normalize(o), Status::not_a_rotation);
+  o.orientation = {0, 0, std::nan(""), 1};
+  EXPECT_EQ(ros2::normalize(o), Status::non_finite);
+  o.orientation = {0, 0, 0, 1};
+  o.twist[5] = INFINITY;
+  EXPECT_EQ(ros2::normalize(o), Status::non_finite);
+  o.twist[5] = 0;
+  o.position[1] = -INFINITY;
+  EXPECT_EQ(ros2::normalize(o), Status::non_finite);
+}
+
+TEST(Ros2Cdr, AllocatesNothing) {
+  const auto f = messages().joints.back();
+  ByteVector room(4096);
+  EXPECT_EQ(count_allocations([&] {
+              const std::size_t size = ros2::encode_joint_state(f.header, f.name, f.position,
+                                                                f.velocity, f.effort, room);
+              ros2::JointStateMessage m;
+              if (!ros2::decode(ros2::Bytes(room).first(size), m)) std::abort();
+            }),
+            0);
+}
+
+}  // namespace
