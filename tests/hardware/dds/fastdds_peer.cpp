@@ -3,10 +3,10 @@
 // move at the velocities of rt/arm_controller/commands, the base at that of rt/cmd_vel; each
 // command is answered at once by rt/joint_states and rt/odom, which come every 20 ms without.
 //
-//     dds_peer <domain> <what its clock is ahead, s> [dirty]
+//     dds_peer <domain> <what its clock is ahead, s> [dirty|big]
 //
-// dirty: each state is followed by some that are cut off, doubled, late and not numbers; all of
-// them say a velocity of 99.
+// big: the robot's processor is big endian, and knows efforts. dirty: each state is followed by
+// some that are cut off, doubled, late and not numbers; all of them say a velocity of 99.
 #include <fastcdr/Cdr.h>
 #include <fastcdr/FastBuffer.h>
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
@@ -93,12 +93,14 @@ struct Commands : Raw {
   }
 };
 
+bool big_endian = false;
+
 template <class Message>
 std::vector<std::uint8_t> bytes_of(const Message& message) {
   if (!message.raw.empty()) return message.raw;
   std::vector<char> room(4096);
   eprosima::fastcdr::FastBuffer buffer(room.data(), room.size());
-  Cdr cdr(buffer, Cdr::DEFAULT_ENDIAN, Cdr::DDS_CDR);
+  Cdr cdr(buffer, big_endian ? Cdr::BIG_ENDIANNESS : Cdr::LITTLE_ENDIANNESS, Cdr::DDS_CDR);
   cdr.serialize_encapsulation();
   message.write(cdr);
   return {room.begin(), room.begin() + static_cast<long>(cdr.getSerializedDataLength())};
@@ -117,7 +119,7 @@ class Type : public fast::TopicDataType {
     if (bytes.size() > payload->max_size) return false;
     std::memcpy(payload->data, bytes.data(), bytes.size());
     payload->length = static_cast<std::uint32_t>(bytes.size());
-    payload->encapsulation = CDR_LE;
+    payload->encapsulation = big_endian ? CDR_BE : CDR_LE;
     return true;
   }
   bool deserialize(rtps::SerializedPayload_t* payload, void* data) override {
@@ -262,6 +264,7 @@ class Robot {
     state.name = {"gripper", "wrist", "shoulder", "elbow"};
     state.position = {7, position_[2], position_[0], position_[1]};
     state.velocity = {nan, velocity_[2], velocity_[0], velocity_[1]};
+    if (big_endian) state.effort = {1, 2, 3, 4};
     states_->write(&state);
     if (!dirty_) return;
     JointState wrong = state;
@@ -318,7 +321,10 @@ class Robot {
 
 int main(int count, char** arguments) {
   if (count < 3) return 1;
-  Robot robot(static_cast<unsigned>(std::atoi(arguments[1])), std::atof(arguments[2]), count > 3);
+  const std::string mode = count > 3 ? arguments[3] : "";
+  big_endian = mode == "big";
+  Robot robot(static_cast<unsigned>(std::atoi(arguments[1])), std::atof(arguments[2]),
+              mode == "dirty");
   std::printf("ready\n");
   std::fflush(stdout);
   robot.run();

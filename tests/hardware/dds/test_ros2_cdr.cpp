@@ -387,6 +387,12 @@ TEST(Ros2Cdr, RefusesWhatIsAtOddsWithItself) {
   ByteVector b = f.encode();
   b[4 + 8] = 0;  // the frame's name without its zero: everything behind it moves
   EXPECT_FALSE(ros2::decode(b, m));
+  f.header.frame_id = "base";
+  b = f.encode();
+  ASSERT_TRUE(ros2::decode(b, m));
+  ASSERT_EQ(b[4 + 12 + 4], 0);
+  b[4 + 12 + 4] = 'x';  // the zero at the end of the frame's name
+  EXPECT_FALSE(ros2::decode(b, m));
   // Lengths that overflow a size when they are multiplied or added.
   MultiArrayFields array{{1, 2}};
   for (const std::uint32_t length : {3u, 0x1fffffffu, 0x20000000u, 0x20000002u, 0xffffffffu}) {
