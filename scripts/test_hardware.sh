@@ -3,13 +3,21 @@
 # from a fresh clone on two cores. ICAT_LOOP_SECONDS and ICAT_FUZZ_SECONDS make it longer.
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
+# The packages of tests/hardware/package.json go to build/node.
+npm_peers() {
+  mkdir -p build/node
+  cp tests/hardware/package.json build/node/
+  npm install --prefix build/node --no-audit --no-fund --no-package-lock
+}
+
 need g++:g++ clang:clang++ cmake:cmake ninja-build:ninja ccache:ccache libeigen3-dev libgtest-dev \
-  libmujoco-dev libcli11-dev
+  libmujoco-dev libcli11-dev cyclonedds-dev libfastrtps-dev nodejs:node npm:npm
 need_compiler
 need_sanitizers
 python_tools
 step "Installing the peers from PyPI" "$PWD/build/pip.log" "$venv/bin/pip" install -q \
   --disable-pip-version-check -r tests/hardware/requirements.txt || fail "pip could not install the peers"
+step "Installing the peers from npm" "$PWD/build/npm.log" npm_peers || fail "npm could not install the peers"
 SECONDS=0 # installing depends on the network
 
 build fuzz

@@ -464,15 +464,24 @@ TEST(Ros2Cdr, Orientations) {
 }
 
 TEST(Ros2Cdr, AllocatesNothing) {
-  const auto f = messages().joints.back();
-  ByteVector room(4096);
+  const std::array<std::string_view, 2> names{"shoulder", "elbow"};
+  const std::array<double, 2> position{0.5, 1};
+  icat::JointStates joints({"shoulder", "elbow"});
+  const double time = 1;
   EXPECT_EQ(count_allocations([&] {
-              const std::size_t size = ros2::encode_joint_state(f.header, f.name, f.position,
-                                                                f.velocity, f.effort, room);
-              ros2::JointStateMessage m;
-              if (!ros2::decode(ros2::Bytes(room).first(size), m)) std::abort();
+              //! [cdr]
+              std::array<std::uint8_t, 256> bytes;
+              const std::size_t size = icat::ros2::encode_joint_state(
+                  {.sec = 12, .nanosec = 34, .frame_id = "base"}, names, position, {}, {}, bytes);
+
+              icat::ros2::JointStateMessage message;
+              if (icat::ros2::decode({bytes.data(), size}, message)) {
+                EXPECT_EQ(icat::ros2::put(message, time, joints), Status::ok);
+              }
+              //! [cdr]
             }),
             0);
+  EXPECT_EQ(joints[1].value.position, 1);
 }
 
 }  // namespace
