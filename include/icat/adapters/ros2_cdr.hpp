@@ -224,7 +224,6 @@ inline std::size_t encode_multi_array(std::span<const double> data,
 /// sends for a joint that has none: it counts as 0, as an empty sequence does. Returns `ok`, or why
 /// a joint's sample was refused: `non_finite`, `time_reversed`.
 inline Status put(const JointStateMessage& message, double now, JointStates& joints) noexcept {
-  if (message.position.size() == 0) return Status::ok;
   const auto known = [](const Doubles& values, std::size_t i) {
     const double x = i < values.size() ? values[i] : 0;
     return std::isnan(x) ? 0 : x;
@@ -232,7 +231,7 @@ inline Status put(const JointStateMessage& message, double now, JointStates& joi
   Status worst = Status::ok;
   Strings names = message.name;
   std::string_view name;
-  for (std::size_t i = 0; names.next(name); ++i) {
+  for (std::size_t i = 0; i < message.position.size() && names.next(name); ++i) {
     const JointSample sample{message.position[i], known(message.velocity, i),
                              known(message.effort, i)};
     const Status status = joints.put(name, sample, message.header.stamp(), now);

@@ -349,6 +349,11 @@ TEST(Dds, RefusesWhatCannotBe) {
   EXPECT_EQ(robot.twist.write({INFINITY}), icat::Status::non_finite);
   EXPECT_EQ(robot.arm.read(0), 0);
   EXPECT_EQ(robot.commands.write(std::array<double, 3>{}), icat::Status::ok);  // nobody listens
+  // Without its participant, which a program must not do, nothing is sent, and nothing comes.
+  { const icat::DdsParticipant gone = std::move(robot.participant); }
+  EXPECT_EQ(robot.commands.write(std::array<double, 3>{}), icat::Status::not_sent);
+  EXPECT_EQ(robot.arm.read(0), 0);
+  EXPECT_EQ(robot.arm.publishers() + robot.twist.subscribers(), 0);
 }
 
 }  // namespace
