@@ -56,7 +56,7 @@ struct Ros1Options {
 
 namespace detail::ros1 {
 
-/// How far the norm of a quaternion may be from 1: tf2's limit for the same.
+/// How far the square of a quaternion's norm may be from 1: tf2's limit for the same.
 inline constexpr double quaternion_tolerance = 0.01;
 
 /// When a message came that waited for `receive`, which runs at `now`.
@@ -99,8 +99,9 @@ inline Status take(const OdometryView& message, Received<Odometry>& odometry, St
     return Status::non_finite;
   }
   const auto& q = value.orientation;
-  const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-  if (!(std::abs(norm - 1) <= quaternion_tolerance)) return Status::not_a_rotation;
+  const double square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+  if (!(std::abs(square - 1) <= quaternion_tolerance)) return Status::not_a_rotation;
+  const double norm = std::sqrt(square);
   for (double& x : value.orientation) x /= norm;
   const Status status = order.accept(stamp);
   if (status == Status::ok) odometry.put(value, arrival(now, message.waited));
@@ -153,8 +154,9 @@ class Ros1 : private detail::ros1::Listener {
   const Received<Odometry>& odometry() const noexcept { return odometry_; }
   /// Messages that were not taken whole, and why the last was not: `clock_stalled`: it has no stamp
   /// (see `stamped`); `time_reversed`: doubled or late (StampOrder); `wrong_size`: arrays that do
-  /// not fit together, or no positions; `non_finite`; `not_a_rotation`: a quaternion whose norm is
-  /// farther than 0.01 from 1. What does not even parse, roscpp drops, and this does not count.
+  /// not fit together, or no positions; `non_finite`; `not_a_rotation`: a quaternion, the square of
+  /// whose norm is farther than 0.01 from 1. What does not even parse, roscpp drops, and this does
+  /// not count.
   const Received<Status>& refused() const noexcept { return refused_; }
 
   /// The node runs, and all joints and the odometry were heard of within `max_age`.

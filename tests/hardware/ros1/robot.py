@@ -166,11 +166,11 @@ def send_bad():
         buffer = BytesIO()
         message.serialize(buffer)
         good = buffer.getvalue()
-        for k in range(1, len(good), 7):
+        for k in range(1, len(good), 23):
             send_raw(topic, good[:k])
         spared = {at + i for at in lengths for i in (2, 3)}
         noisy = [i for i in range(12, len(good)) if i not in spared]
-        for _ in range(50):
+        for _ in range(20):
             noise = bytearray(good)
             noise[4:12] = bytes(8)
             for _ in range(20):

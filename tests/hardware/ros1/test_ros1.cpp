@@ -273,8 +273,157 @@ TEST_F(Ros1Test, Loop) {
       "odometry %.2f; in this loop %.0f, counted %ld\n",
       costs.twist, costs.joint_velocities, costs.joint_states, costs.odometry, of_roscpp,
       m.allocations_made);
-  m.latencies.print("ROS 1, rospy", rate, seconds, m.allocations_made - std::lround(of_roscpp));
+  // test_ros1_link counts ours without roscpp, exactly. Here one of ours for each cycle or message
+  // would be at least `rate` a second; roscpp's deques make its own share uneven by less.
+  const long ours = m.allocations_made - std::lround(of_roscpp);
+  m.latencies.print("ROS 1, rospy", rate, seconds,
+                    static_cast<double>(ours) > 0.1 * rate * seconds ? ours : 0);
+  EXPECT_LT(static_cast<double>(ours), 0.1 * rate * seconds);
+  // All but what a machine that runs other things, too, lets slip.
   EXPECT_GT(static_cast<double>(m.latencies.size()), 0.9 * rate * seconds);
+}
+
+// The same where the robot does not ask for TCP_NODELAY, as no controller of ros_controllers does.
+TEST_F(Ros1Test, LoopWithoutNodelay) {
+  const double rate = 200, seconds = std::min(3.0, hardware::loop_seconds());
+  Process peer(robot("nagle", "/nagle"));
+  Ros1Options options = below("/nagle");
+  options.max_age = 1;
+  Ros1 ros(joint_names, options);
+  ASSERT_TRUE(ready(ros));
+  Measured m;
+  measure(ros, rate, seconds, m);
+  std::printf(
+      "ROS 1, rospy without TCP_NODELAY: latency p50 %.2f ms, p99 %.2f ms, max %.2f ms; "
+      "commands seen in the answers: %zu of %.0f\n",
+      1e3 * m.latencies.quantile(0.5), 1e3 * m.latencies.quantile(0.99),
+      1e3 * m.latencies.quantile(1), m.latencies.size(), rate * seconds);
+  // Where Nagle's algorithm waits for a delayed acknowledgement, the half of all is 40 ms late.
+  EXPECT_LT(m.latencies.quantile(0.5), 0.02);
+}
+
+TEST_F(Ros1Test, KillingTheRobotStopsAndStartingItAgainIsNormalWork) {
+  Process peer(robot("echo", "/killed"));
+  Ros1 ros(joint_names, below("/killed"));
+  ASSERT_TRUE(ready(ros));
+  const double start = now();
+  double killed = 0, stopped = 0, started = 0, well = 0;
+  std::array<double, 3> before{};
+  while (well == 0 && now() < start + 60) {
+    const double time = now();
+    EXPECT_EQ(ros.receive(time), Status::ok);
+    if (killed == 0 && time > start + 1) {
+      EXPECT_TRUE(ros.healthy(time));
+      peer.kill();
+      killed = time;
+      for (std::size_t i = 0; i < 3; ++i) before[i] = ros.joints()[i].value.position;
+    }
+    const Status status = ros.write_joint_velocities(std::array{0.1, 0.1, 0.1}, time);
+    EXPECT_EQ(status == Status::ok, ros.healthy(time));
+    if (killed > 0 && stopped == 0 && status == Status::stale_state) {
+      stopped = time;
+      // The last values stay, with their age.
+      EXPECT_GT(ros.joints().age(time), 0.2);
+      EXPECT_NEAR(ros.joints()[0].value.position, before[0], 0.1 * 0.05);  // what was on its way
+    }
+    // roscpp has seen the connection end.
+    if (stopped > 0 && started == 0 && time > stopped + 0.5) {
+      EXPECT_EQ(ros.joint_listeners(), 0u);
+      peer.start();
+      started = time;
+    }
+    if (started > 0 && status == Status::ok && ros.joint_listeners() > 0 &&
+        ros.joints()[0].value.velocity == 0.1) {
+      well = time;
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  ASSERT_GT(well, 0);
+  // max_age and a period, and what a busy machine adds.
+  EXPECT_LT(stopped - killed, 0.2 + 0.1);
+  std::printf(
+      "ROS 1: stop %.2f s after the robot was killed; works again %.2f s after it started\n",
+      stopped - killed, well - started);
+}
+
+TEST_F(Ros1Test, ARobotThatComesBackWithAnEarlierClockIsTaken) {
+  Ros1 ros(joint_names, below("/clock"));
+  auto peer = std::make_unique<Process>(robot("echo", "/clock"));
+  ASSERT_TRUE(ready(ros));
+  peer = std::make_unique<Process>(robot("behind", "/clock"));
+  ASSERT_TRUE(receive_until(ros, 5, [&] { return !ros.healthy(now()); }));
+  const auto refused = ros.refused().count;
+  ASSERT_TRUE(ready(ros));
+  EXPECT_EQ(ros.refused().count, refused + 2);  // one message of joints, one of odometry
+  EXPECT_EQ(ros.refused().value, Status::time_reversed);
+}
+
+// A loop that stood still finds messages in the queue. Their age counts from when they came.
+TEST_F(Ros1Test, WhatWaitedForTheLoopIsOld) {
+  Ros1 ros(joint_names, below("/stall"));
+  Process peer(robot("echo", "/stall"));
+  ASSERT_TRUE(ready(ros));
+  EXPECT_EQ(ros.receive(now()), Status::ok);
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  peer.kill();
+  std::this_thread::sleep_for(std::chrono::milliseconds(400));
+  const auto before = ros.joints()[0].count;
+  EXPECT_EQ(ros.receive(now()), Status::ok);
+  EXPECT_GT(ros.joints()[0].count, before);
+  EXPECT_GT(ros.joints().age(now()), 0.39);
+  EXPECT_GT(ros.odometry().age(now()), 0.39);
+  EXPECT_FALSE(ros.healthy(now()));
+}
+
+// Connections do not need the master. What comes after it does; roscpp does not tell a master that
+// began anew what it has, a new object does.
+TEST_F(Ros1Test, WithoutTheMasterConnectionsWorkOn) {
+  auto ros = std::make_unique<Ros1>(joint_names, below("/master"));
+  Process peer(robot("echo", "/master"));
+  ASSERT_TRUE(ready(*ros));
+  roscore().stop();
+  const auto answers = [&](double velocity) {
+    return receive_until(*ros, 10, [&] {
+      (void)ros->write_joint_velocities(std::array{velocity, 0.0, 0.0}, now());
+      return ros->healthy(now()) && ros->joints()[0].value.velocity == velocity;
+    });
+  };
+  ASSERT_TRUE(answers(0.3));
+  receive_until(*ros, 2, [] { return false; });
+  ASSERT_TRUE(answers(0.4));
+  ASSERT_TRUE(roscore().start());
+  ASSERT_TRUE(answers(0.5));
+
+  // A robot that starts now is not found by the old object.
+  peer.kill();
+  peer.start();
+  ASSERT_TRUE(peer.wait_for("ready", 30));
+  EXPECT_FALSE(ready(*ros, 3));
+  ros.reset();
+  ros = std::make_unique<Ros1>(joint_names, below("/master"));
+  ASSERT_TRUE(ready(*ros));
+  ASSERT_TRUE(answers(0.6));
+
+  roscore().stop();
+  EXPECT_NE(refusal(below("/none")).find("is roscore running?"), std::string::npos);
+  const double start = now();
+  ros.reset();  // does not wait for the master
+  EXPECT_LT(now() - start, 1);
+  ASSERT_TRUE(roscore().start());
+}
+
+// The master ends a node whose name another takes.
+TEST_F(Ros1Test, ANodeThatIsShutDownIsNotHealthy) {
+  Ros1 ros(joint_names, below("/usurped"));
+  Process peer(robot("echo", "/usurped"));
+  ASSERT_TRUE(ready(ros));
+  Process usurper({ICAT_PEERS "/robot.py", "usurp"});
+  ASSERT_TRUE(receive_until(ros, 30, [&] { return !ros.healthy(now()); }));
+  EXPECT_EQ(ros.write_twist({1, 0, 0, 0, 0, 0}, now()), Status::not_started);
+  EXPECT_EQ(ros.write_joint_velocities(std::array{0.1, 0.1, 0.1}, now()), Status::not_started);
+  ros.stop();
+  EXPECT_FALSE(ready(ros, 1));
+  EXPECT_EQ(refusal({}), "ROS 1: the node was shut down, which is for the rest of the process");
 }
 
 }  // namespace
