@@ -12,7 +12,7 @@
 /// frame `header.frame_id`, the twist is on the base (`child_frame_id`), as nav_msgs/Odometry says;
 /// the names of the frames are not looked at.
 ///
-/// Threads: roscpp has four of its own, which do the input and output. `receive` runs in the
+/// Threads: roscpp has three of its own, which do the input and output. `receive` runs in the
 /// caller's thread and takes what they brought; the writes hand over to them. Both take locks of
 /// roscpp's and allocate in roscpp (docs/ros1.md has the numbers); neither waits for a peer.
 #pragma once
@@ -38,8 +38,8 @@ namespace icat {
 
 /// Names and limits of a `Ros1`. A topic whose name is empty is not used.
 struct Ros1Options {
-  std::string node = "icat";                  ///< name of the node
-  std::string master = "";                    ///< http://host:port; empty: ROS_MASTER_URI
+  std::string node = "icat";  ///< name of the node
+  std::string master = "";    ///< http://host:port; empty: ROS_MASTER_URI, or that of ROS itself
   std::vector<std::string> arguments{};       ///< of `main`: those with := rename, as with rosrun
   std::string joint_states = "joint_states";  ///< sensor_msgs/JointState, in
   std::string odometry = "odom";              ///< nav_msgs/Odometry, in
@@ -111,12 +111,13 @@ inline Status take(const OdometryView& message, Received<Odometry>& odometry, St
 }  // namespace detail::ros1
 
 /// See the file comment. The caller owns loop and clock: `now` is any clock of the caller's, s.
-class Ros1 : private detail::ros1::Listener {
+class Ros1 final : private detail::ros1::Listener {
  public:
   /// Starts the node of this process, if it is the first (its name, master and arguments hold for
   /// all), and opens the topics. SIGINT stays the caller's; roscpp ignores SIGPIPE. The node lives
   /// until the process ends, the topics as long as this object.
   /// @param joints the robot's joints, in its order, by the names of the joint states
+  /// @param options names and limits
   /// @throws std::invalid_argument on a bad list of joints, no topic at all, a number that is not
   ///   above 0, a name that ROS does not take, where no master answers. Allocates.
   [[gnu::cold]] explicit Ros1(std::vector<std::string> joints, Ros1Options options = {})

@@ -47,10 +47,13 @@ inline bool start_node(const Settings& settings, std::string& error) {
       const std::size_t at = argument.find(":=");
       if (at != std::string::npos) remappings[argument.substr(0, at)] = argument.substr(at + 2);
     }
-    if (!settings.master.empty()) remappings["__master"] = settings.master;
     const char* environment = std::getenv("ROS_MASTER_URI");
-    const std::string master =
-        remappings.count("__master") ? remappings["__master"] : (environment ? environment : "");
+    if (!settings.master.empty()) {
+      remappings["__master"] = settings.master;
+    } else if (remappings.count("__master") == 0) {
+      remappings["__master"] = environment ? environment : "http://localhost:11311";  // ROS's own
+    }
+    const std::string& master = remappings["__master"];
     if (!names_master(master)) {
       error =
           "the master must be given as http://<host>:<port> (ROS_MASTER_URI), got '" + master + "'";

@@ -165,9 +165,11 @@ TEST(RobotFrames, TheSameArrowInTheOtherWorld) {
     EXPECT_EQ(ned.position[1], enu.position[0]);
     EXPECT_EQ(ned.position[2], -enu.position[2]);
     const icat::Odometry back = icat::other_world(ned);
-    for (int i = 0; i < 3; ++i) EXPECT_EQ(back.position[i], enu.position[i]);
-    for (int i = 0; i < 4; ++i) EXPECT_NEAR(back.orientation[i], enu.orientation[i], 1e-15);
-    for (int i = 0; i < 6; ++i) EXPECT_EQ(back.twist[i], enu.twist[i]);
+    EXPECT_EQ(back.position, enu.position);
+    EXPECT_EQ(back.twist, enu.twist);
+    for (std::size_t i = 0; i < 4; ++i) {
+      EXPECT_NEAR(back.orientation[i], enu.orientation[i], 1e-15);
+    }
   }
   // A vehicle that looks to the north, level: ENU's yaw of 90 degrees is NED's yaw of 0.
   icat::Odometry north;
