@@ -11,7 +11,10 @@ npm_peers() {
 }
 
 need g++:g++ clang:clang++ cmake:cmake ninja-build:ninja ccache:ccache libeigen3-dev libgtest-dev \
-  libmujoco-dev libcli11-dev cyclonedds-dev libfastrtps-dev nodejs:node npm:npm
+  libmujoco-dev libcli11-dev cyclonedds-dev libfastrtps-dev nodejs:node npm:npm \
+  libroscpp-dev libsensor-msgs-dev libnav-msgs-dev libgeometry-msgs-dev libstd-msgs-dev \
+  python3-roslaunch:roscore python3-rostopic:rostopic python3-rospy python3-sensor-msgs \
+  python3-nav-msgs python3-geometry-msgs python3-std-msgs
 need_compiler
 need_sanitizers
 python_tools
@@ -28,7 +31,7 @@ build hardware
 say "Testing against the peers"
 ctest --preset hardware --verbose >build/hardware.test.log 2>&1 ||
   { log_tail "$PWD/build/hardware.test.log"; fail "an adapter fails against its peer"; }
-grep -E 'latency|bus load|tests passed' build/hardware.test.log | sed 's/^[0-9]*: //'
+grep -E 'latency|allocates|bus load|tests passed' build/hardware.test.log | sed 's/^[0-9]*: //'
 
 say "All adapters pass, in $((SECONDS / 60)) min $((SECONDS % 60)) s"
 ((SECONDS < 1800 || $(nproc) < 2 || ${ICAT_NIGHTLY:-0})) || fail "the tests took longer than 30 minutes"

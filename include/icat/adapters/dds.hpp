@@ -15,7 +15,8 @@
 /// command follows a newer one, and never wait.
 ///
 /// A publisher that begins anew is another publisher to DDS: with the first message of one that was
-/// not heard of before, the stamps of the one before are forgotten, whatever clock it has.
+/// not heard of before, the stamps of the one before are forgotten, whatever clock it has. A clock
+/// that is set back under a publisher costs a message (`StampOrder`).
 ///
 /// Cyclone DDS has threads of its own, which receive. `read` and `write` work in the caller's,
 /// without waiting; the header allocates nothing in them, Cyclone DDS may.
@@ -29,7 +30,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <span>
 #include <string>
 #include <string_view>
@@ -228,8 +228,9 @@ class DdsJointStates {
     return messages_.take([&](ros2::Bytes bytes, bool is_new) {
       if (is_new) states_.restart();
       ros2::JointStateMessage message;
-      if (!ros2::decode(bytes, message) || ros2::put(message, now, states_) != Status::ok)
+      if (!ros2::decode(bytes, message) || ros2::put(message, now, states_) != Status::ok) {
         ++refused_;
+      }
     });
   }
   /// What is known, with its age.
@@ -260,14 +261,13 @@ class DdsOdometry {
   /// No allocation by us, no waiting.
   int read(double now) noexcept {
     return messages_.take([&](ros2::Bytes bytes, bool is_new) {
-      if (is_new) stamp_ = before_all;
+      if (is_new) stamps_.restart();
       ros2::OdometryMessage message;
       if (!ros2::decode(bytes, message) || ros2::normalize(message.odometry) != Status::ok ||
-          message.header.stamp() <= stamp_) {
+          stamps_.accept(message.header.stamp()) != Status::ok) {
         ++refused_;
         return;
       }
-      stamp_ = message.header.stamp();
       last_.put(message.odometry, now);
     });
   }
@@ -281,8 +281,7 @@ class DdsOdometry {
  private:
   detail::dds::Subscription messages_;
   Received<Odometry> last_;
-  static constexpr double before_all = -std::numeric_limits<double>::infinity();
-  double stamp_{before_all};
+  StampOrder stamps_;
   std::uint32_t refused_{0};
 };
 

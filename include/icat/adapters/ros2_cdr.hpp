@@ -220,21 +220,20 @@ inline std::size_t encode_multi_array(std::span<const double> data,
 }
 
 /// All of our joints in `message`, which came at `now`, s, into `joints`. A message without
-/// positions has nothing for us. NaN for a velocity or an effort is what ros2_control's broadcaster
-/// sends for a joint that has none: it counts as 0, as an empty sequence does. Returns `ok`, or why
-/// a joint's sample was refused: `non_finite`, `time_reversed`.
+/// positions has nothing for us; a sequence that is empty counts as zeros, as NaN does
+/// (`JointStates::put`). Returns `ok`, or why a joint's sample was refused: `non_finite`,
+/// `time_reversed`. No allocation.
 inline Status put(const JointStateMessage& message, double now, JointStates& joints) noexcept {
-  const auto known = [](const Doubles& values, std::size_t i) {
-    const double x = i < values.size() ? values[i] : 0;
-    return std::isnan(x) ? 0 : x;
+  const auto of = [](const Doubles& values, std::size_t i) {
+    return i < values.size() ? values[i] : 0;
   };
   Status worst = Status::ok;
   Strings names = message.name;
   std::string_view name;
   for (std::size_t i = 0; i < message.position.size() && names.next(name); ++i) {
-    const JointSample sample{message.position[i], known(message.velocity, i),
-                             known(message.effort, i)};
-    const Status status = joints.put(name, sample, message.header.stamp(), now);
+    const Status status =
+        joints.put(name, {message.position[i], of(message.velocity, i), of(message.effort, i)},
+                   message.header.stamp(), now);
     if (status != Status::ok && status != Status::unknown_joint) worst = status;
   }
   return worst;

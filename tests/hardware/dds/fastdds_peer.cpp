@@ -269,8 +269,8 @@ class Robot {
     if (!dirty_) return;
     JointState wrong = state;
     wrong.velocity = {99, 99, 99, 99};
-    states_->write(&wrong);  // the same stamp
-    wrong.header = header(now + ahead_ - 1);
+    states_->write(&wrong);                     // the same stamp
+    wrong.header = header(now + ahead_ - 0.5);  // late, not a clock that was set back
     states_->write(&wrong);
     wrong.header = header(now + ahead_ + 1e-6);
     wrong.position = {nan, nan, INFINITY, nan};

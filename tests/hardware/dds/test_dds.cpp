@@ -194,8 +194,8 @@ TEST(Dds, LoopAt200Hz) {
   });
   latencies.print("Cyclone DDS to Fast DDS and back, command to joint state", rate, seconds, ours);
   std::printf(
-      "Cyclone DDS allocates %.2f times a cycle in the same thread; %ld of %ld answers took "
-      "longer than 4 ms\n",
+      "Cyclone DDS allocates %.2f times a cycle in the same thread; latency above 4 ms: %ld of "
+      "%ld\n",
       static_cast<double>(cyclone_allocations) / static_cast<double>(sent), lost, sent);
   EXPECT_EQ(ours, 0);
   EXPECT_GT(all_of_cyclone, 0) << "the library's calls are not seen";
