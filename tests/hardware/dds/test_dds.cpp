@@ -262,6 +262,31 @@ TEST(Dds, PeerIsKilledAndComesBackWithAnotherClock) {
   EXPECT_EQ(robot.arm.refused(), 0u);
 }
 
+// A peer that hangs, and acknowledges nothing: `write` waits for nobody, and it goes on with the
+// newest command when the peer does.
+TEST(Dds, PeerHangs) {
+  hardware::Process process(peer(0));
+  Robot robot;
+  ASSERT_TRUE(robot.found(20));
+  double longest = 0, value = 0;
+  const auto cycle = [&](double time) {
+    robot.arm.read(time);
+    value += 1e-4;
+    const double start = now();
+    EXPECT_EQ(robot.commands.write(std::array<double, 3>{value, value, value}), icat::Status::ok);
+    longest = std::fmax(longest, now() - start);
+  };
+  ::kill(process.pid(), SIGSTOP);
+  hardware::run_loop(200, 2, cycle);
+  EXPECT_GT(robot.arm.states().age(now()), 1.5);
+  // What DDS waits by default is 0.1 s. A write takes some 0.05 ms; the rest is the machine's.
+  EXPECT_LT(longest, 0.05);
+  ::kill(process.pid(), SIGCONT);
+  hardware::run_loop(200, 1, cycle);
+  EXPECT_LT(robot.arm.states().age(now()), 0.1);
+  EXPECT_NEAR(robot.arm.states()[0].value.velocity, value, 20e-4);  // of the last 0.1 s
+}
+
 // Cyclone DDS logs what it finds wrong itself.
 struct Silence {
   Silence() {
