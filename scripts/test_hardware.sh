@@ -3,13 +3,24 @@
 # from a fresh clone on two cores. ICAT_LOOP_SECONDS and ICAT_FUZZ_SECONDS make it longer.
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
+# The packages of tests/hardware/package.json go to build/node.
+npm_peers() {
+  mkdir -p build/node
+  cp tests/hardware/package.json build/node/
+  npm install --prefix build/node --no-audit --no-fund --no-package-lock
+}
+
 need g++:g++ clang:clang++ cmake:cmake ninja-build:ninja ccache:ccache libeigen3-dev libgtest-dev \
-  libmujoco-dev libcli11-dev
+  libmujoco-dev libcli11-dev cyclonedds-dev libfastrtps-dev nodejs:node npm:npm \
+  libroscpp-dev libsensor-msgs-dev libnav-msgs-dev libgeometry-msgs-dev libstd-msgs-dev \
+  python3-roslaunch:roscore python3-rostopic:rostopic python3-rospy python3-sensor-msgs \
+  python3-nav-msgs python3-geometry-msgs python3-std-msgs
 need_compiler
 need_sanitizers
 python_tools
 step "Installing the peers from PyPI" "$PWD/build/pip.log" "$venv/bin/pip" install -q \
   --disable-pip-version-check -r tests/hardware/requirements.txt || fail "pip could not install the peers"
+step "Installing the peers from npm" "$PWD/build/npm.log" npm_peers || fail "npm could not install the peers"
 SECONDS=0 # installing depends on the network
 
 build fuzz
@@ -20,7 +31,7 @@ build hardware
 say "Testing against the peers"
 ctest --preset hardware --verbose >build/hardware.test.log 2>&1 ||
   { log_tail "$PWD/build/hardware.test.log"; fail "an adapter fails against its peer"; }
-grep -E 'latency|bus load|tests passed' build/hardware.test.log | sed 's/^[0-9]*: //'
+grep -E 'latency|allocates|bus load|tests passed' build/hardware.test.log | sed 's/^[0-9]*: //'
 
 say "All adapters pass, in $((SECONDS / 60)) min $((SECONDS % 60)) s"
 ((SECONDS < 1800 || $(nproc) < 2 || ${ICAT_NIGHTLY:-0})) || fail "the tests took longer than 30 minutes"

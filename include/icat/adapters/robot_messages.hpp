@@ -8,8 +8,10 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "icat/core/error.hpp"
@@ -35,6 +37,37 @@ struct Odometry {
 /// A velocity of the base, [linear; angular] on the base, m/s, rad/s.
 using Twist = std::array<double, 6>;
 
+/// The order of what one sender stamps. What is not newer than the last that was taken is doubled
+/// or late, and dropped. A stamp that is older by more than `set_back` is that of a clock that was
+/// set back, or of a sender that began anew, once a second one, newer than it, confirms it: a clock
+/// that leaps ahead for one message costs two, not all that follow. (A smaller leap heals itself:
+/// the stamps overtake it within `set_back`.) Copies, no allocation.
+class StampOrder {
+ public:
+  /// s: farther than this a message does not fall behind another on its way.
+  static constexpr double set_back = 1;
+
+  /// `ok`: newer, and from now on the last. `non_finite`, `time_reversed`: to be dropped.
+  Status accept(double stamp) noexcept {
+    if (!std::isfinite(stamp)) return Status::non_finite;
+    const bool newer = stamp > last_;
+    const bool behind = stamp < last_ - set_back;
+    if (newer || (behind && stamp > suspect_)) {
+      last_ = stamp;
+      suspect_ = std::numeric_limits<double>::infinity();
+      return Status::ok;
+    }
+    if (behind) suspect_ = stamp;
+    return Status::time_reversed;
+  }
+  /// Takes whatever comes next.
+  void restart() noexcept { *this = StampOrder(); }
+
+ private:
+  double last_{-std::numeric_limits<double>::infinity()};
+  double suspect_{std::numeric_limits<double>::infinity()};  // far behind, not confirmed
+};
+
 /// The joints of a robot, each with its last sample and the stamp of its sender. A message may hold
 /// any of them in any order, among others that are not ours.
 class JointStates {
@@ -52,26 +85,30 @@ class JointStates {
     }
   }
 
-  /// A sample of the joint `name`, stamped `stamp` by its sender (s), which came at `now` (s).
-  /// `unknown_joint`: not ours; `non_finite`; `time_reversed`: not newer than what there is, which
-  /// stays. No allocation.
-  Status put(std::string_view name, const JointSample& sample, double stamp, double now) noexcept {
+  /// A sample of the joint `name`, stamped `stamp` by its sender (s), which came at `now` (s). A
+  /// velocity or effort of NaN says that the sender has none (joint_state_broadcaster of ROS 2 does
+  /// so), and counts as 0. What is refused leaves the sample that there is: `unknown_joint`: not
+  /// ours; `non_finite`: the position, `stamp` or `now`, or an infinite velocity or effort;
+  /// `time_reversed`: doubled or late, see StampOrder. No allocation.
+  Status put(std::string_view name, JointSample sample, double stamp, double now) noexcept {
     for (std::size_t i = 0; i < names_.size(); ++i) {
       if (names_[i] != name) continue;
+      if (std::isnan(sample.velocity)) sample.velocity = 0;
+      if (std::isnan(sample.effort)) sample.effort = 0;
       if (!std::isfinite(sample.position) || !std::isfinite(sample.velocity) ||
-          !std::isfinite(sample.effort) || !std::isfinite(stamp)) {
+          !std::isfinite(sample.effort) || !std::isfinite(now)) {
         return Status::non_finite;
       }
-      if (samples_[i].count > 0 && stamp <= stamps_[i]) return Status::time_reversed;
-      stamps_[i] = stamp;
-      samples_[i].put(sample, now);
-      return Status::ok;
+      const Status status = stamps_[i].accept(stamp);
+      if (status == Status::ok) samples_[i].put(sample, now);
+      return status;
     }
     return Status::unknown_joint;
   }
-  /// Forgets the stamps, not the samples: for a sender that began anew, with a clock of its own.
+  /// Forgets the stamps, not the samples: for a sender that is known to have begun anew, with a
+  /// clock of its own. Without it StampOrder costs one sample of each joint.
   void restart() noexcept {
-    for (double& stamp : stamps_) stamp = -std::numeric_limits<double>::infinity();
+    for (StampOrder& stamp : stamps_) stamp.restart();
   }
 
   /// How many joints.
@@ -80,17 +117,22 @@ class JointStates {
   const std::string& name(std::size_t i) const noexcept { return names_[i]; }
   /// Of the i-th joint: the last sample, and when it came.
   const Received<JointSample>& operator[](std::size_t i) const noexcept { return samples_[i]; }
-  /// Of the joint that was heard of least lately, s at `now`; infinite until all were heard of.
+  /// Of the joint that was heard of least lately, s at `now`; infinite until all were heard of, and
+  /// where `now` is NaN. Not below 0.
   double age(double now) const noexcept {
     double oldest = 0;
-    for (const auto& sample : samples_) oldest = std::fmax(oldest, sample.age(now));
+    for (const auto& sample : samples_) {
+      const double age = sample.age(now);
+      if (!(age <= oldest)) oldest = age;
+      if (std::isnan(oldest)) return std::numeric_limits<double>::infinity();
+    }
     return oldest;
   }
 
  private:
   std::vector<std::string> names_;
   std::vector<Received<JointSample>> samples_;
-  std::vector<double> stamps_;
+  std::vector<StampOrder> stamps_;
 };
 
 }  // namespace icat

@@ -34,6 +34,7 @@ enum class [[nodiscard]] Status{
     outlier,               ///< a measurement too far from the estimate
     late_measurement,      ///< a measurement older than the history that is kept
     not_measured,          ///< the sensor says itself that it has nothing
+    not_sent,              ///< a bus or middleware did not take the command
 };
 
 /// One line for a log. No allocation.
@@ -91,6 +92,8 @@ constexpr const char* describe(Status status) noexcept {
       return "a measurement that comes too late";
     case Status::not_measured:
       return "a sensor without a measurement";
+    case Status::not_sent:
+      return "a bus or middleware did not take the command";
   }
   return "unknown status";
 }
