@@ -46,6 +46,17 @@ void entered(double t, const std::string& phase) {
   std::fflush(stdout);
 }
 
+void write_csv(const std::string& folder, const reach::Result& result) {
+  support::Csv csv(folder, "run.csv",
+                   "t,phase,healthy,position_error,orientation_error,q1,q2,q3,q4,q5,q6,q7,"
+                   "vehicle_x,vehicle_y,vehicle_z,tool_x,tool_y,tool_z,c1,c2,c3,c4,c5,c6,c7,"
+                   "surge,sway,heave,roll_rate,pitch_rate,yaw_rate");
+  for (const auto& s : result.samples) {
+    csv.row(s.t, static_cast<double>(s.phase), s.healthy ? 1.0 : 0.0, s.position_error,
+            s.orientation_error, s.q, s.vehicle, s.tool, s.command);
+  }
+}
+
 reach::Result run(const std::string& name, const std::string& can, const std::string& udp) {
   const Robot robot = reach::make_robot();
   icat::KinematicPlant<Robot> plant(robot,
@@ -72,7 +83,7 @@ reach::Result run(const std::string& name, const std::string& can, const std::st
     const std::size_t colon = udp.rfind(':');
     const std::string address = colon == std::string::npos ? "127.0.0.1" : udp.substr(0, colon);
     const int port = std::atoi(udp.c_str() + (colon == std::string::npos ? 0 : colon + 1));
-    reach::ArduSubVehicle back_end(kinematic, address, static_cast<std::uint16_t>(port));
+    reach::ArduSubVehicle back_end(robot, kinematic, address, static_cast<std::uint16_t>(port));
     return reach::run(back_end, real_time(), entered);
   }
 #endif
@@ -92,14 +103,7 @@ int main(int argc, char** argv) {
        {"--udp", "port, or address:port, that ArduSub listens at", &udp}});
   try {
     const reach::Result result = run(name, can, udp);
-    support::Csv csv(arguments.output, "run.csv",
-                     "t,phase,healthy,position_error,orientation_error,q1,q2,q3,q4,q5,q6,q7,"
-                     "vehicle_x,vehicle_y,vehicle_z,tool_x,tool_y,tool_z,c1,c2,c3,c4,c5,c6,c7,"
-                     "surge,sway,heave,roll_rate,pitch_rate,yaw_rate");
-    for (const auto& s : result.samples) {
-      csv.row(s.t, static_cast<double>(s.phase), s.healthy ? 1.0 : 0.0, s.position_error,
-              s.orientation_error, s.q, s.vehicle, s.tool, s.command);
-    }
+    write_csv(arguments.output, result);
     const auto& last = result.samples.back();
     std::printf("%s: tool error %.3f mm, %.4f deg at the end\n", name.c_str(),
                 1e3 * last.position_error, last.orientation_error * 180 / std::numbers::pi);

@@ -56,7 +56,9 @@ Result run(BackEnd& back_end, Clock clock, Entered entered) {
   icat::task::JointLimits limits(robot, {.margin = 0.15, .gain = 0.5});
   icat::task::FramePose hand(robot, tool, goal_from(robot.pose(robot.base())),
                              {.gain = 0.8, .max_linear_rate = 0.25, .max_angular_rate = 0.3});
-  icat::task::JointPosition shape(robot, support::folded_arm(), {.gain = 0.2});
+  icat::Vector<double, 7> reaching;
+  reaching << 0.3, 0.9, -0.2, -1.3, 0.2, 0.8, 0.4;
+  icat::task::JointPosition shape(robot, reaching, {.gain = 0.4});
   icat::Controller controller(robot, {{"reach", {{limits}, {hand}, {shape}}}},
                               {.given = given,
                                .limits = {robot,
@@ -70,24 +72,26 @@ Result run(BackEnd& back_end, Clock clock, Entered entered) {
   support::Distance error{};
   const auto at_goal = [&] { return error.position < 2e-3 && error.orientation < 5e-3; };
   //! [mission]
-  icat::Mission mission({{.name = "standby",
-                          .fade = 0.3,
-                          .time_limit = 60,
-                          .on_timeout = "nobody there",
-                          .on = {{.event = "well", .to = "reach"}}},
-                         {.name = "reach",
-                          .action = "reach",
-                          .fade = 0.5,
-                          .until = at_goal,
-                          .hold = 1,
-                          .then = "hold",
-                          .time_limit = 60,
-                          .on_timeout = "not reached"},
-                         {.name = "hold", .action = "reach", .time_limit = 3, .on_timeout = "held"},
-                         {.name = "held", .end = icat::PhaseEnd::success},
-                         {.name = "nobody there", .end = icat::PhaseEnd::failure},
-                         {.name = "not reached", .end = icat::PhaseEnd::failure}},
-                        {{.event = "lost", .to = "standby"}});
+  const std::vector<icat::Reaction> lost{{.event = "lost", .to = "standby"}};
+  icat::Mission mission(
+      {{.name = "standby",  // no action: the controller stops
+        .fade = 0.3,
+        .time_limit = 60,
+        .on_timeout = "nobody there",
+        .on = {{.event = "well", .to = "reach"}}},
+       {.name = "reach",
+        .action = "reach",
+        .fade = 0.5,
+        .until = at_goal,
+        .hold = 1,
+        .then = "hold",
+        .time_limit = 60,
+        .on_timeout = "not reached",
+        .on = lost},
+       {.name = "hold", .action = "reach", .time_limit = 3, .on_timeout = "held", .on = lost},
+       {.name = "held", .end = icat::PhaseEnd::success},
+       {.name = "nobody there", .end = icat::PhaseEnd::failure},
+       {.name = "not reached", .end = icat::PhaseEnd::failure}});
   //! [mission]
 
   Result result;
@@ -101,7 +105,7 @@ Result run(BackEnd& back_end, Clock clock, Entered entered) {
     const bool well = status == icat::Status::ok && back_end.healthy(t);
     if (well && !begun) begun = hand.set_goal(goal_from(state.base)) == icat::Status::ok;
     error = support::distance(hand.goal(), robot.pose(tool));
-    (void)mission.raise(well ? "well" : "lost");  // "lost" stops: standby has no action
+    (void)mission.raise(well ? "well" : "lost");
     (void)mission.step(t);
     (void)mission.drive(controller, t);
     const double age = t - state.time;

@@ -6,7 +6,7 @@ set grid lt 1 lw 0.6 lc rgb '#dddddd'
 csv = folder.'/run.csv'
 set terminal pngcairo size 1100,760 font 'sans,11' background 'white'
 set output folder.'/run.png'
-set multiplot layout 3,1 margins 0.08,0.84,0.07,0.95 spacing 0.05,0.06
+set multiplot layout 3,1 margins 0.08,0.8,0.07,0.95 spacing 0.05,0.06
 set key outside right top
 set title 'tool to its goal, moved by: '.back_end
 set ylabel 'tool error'
