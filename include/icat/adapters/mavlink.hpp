@@ -343,10 +343,9 @@ class MavlinkVehicle {
       for (std::size_t i = 0; i < 3; ++i) {
         v[i] = R[i][0] * wish[0] + R[i][1] * wish[1] + R[i][2] * wish[2];
       }
-      // ArduSub's is the rate of the yaw angle: r cos(roll)/cos(pitch), none where the nose points
-      // up or down within 5°.
-      const double square = R[2][1] * R[2][1] + R[2][2] * R[2][2];  // cos² of the pitch
-      if (square > 0.0076) turn = wish[3] * R[2][2] / square;
+      // ArduSub's is the rate of the yaw angle, and it keeps roll and pitch: r = rate · cos(roll)
+      // cos(pitch). None where it lies on its side or stands on its head.
+      if (R[2][2] > 0.1) turn = wish[3] / R[2][2];
     }
     out_.set_point(options_.target_system, options_.target_component, v, turn);
   }

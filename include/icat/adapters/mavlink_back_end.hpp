@@ -40,6 +40,9 @@ class MavlinkBackEnd {
   /// @throws std::invalid_argument where BᵀB is not I.
   [[gnu::cold]] MavlinkBackEnd(const R& robot, MavlinkVehicle& vehicle, T& transport)
       : vehicle_(&vehicle), transport_(&transport), columns_(robot.base_columns()) {
+    if (columns_.count > 6) {
+      detail::invalid("MavlinkBackEnd: a base of ", columns_.count, " columns");
+    }
     for (Index i = 0; i < columns_.count; ++i) {
       for (Index k = 0; k < 6; ++k) {
         motion_[static_cast<std::size_t>(i)][static_cast<std::size_t>(k)] =

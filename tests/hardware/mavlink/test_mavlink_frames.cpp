@@ -1,0 +1,475 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The vehicle against bytes: recorded ones that pymavlink packed, damaged, dropped, doubled and put
+// out of order; and single frames at chosen times.
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <array>
+#include <cstdio>
+#include <limits>
+#include <memory>
+#include <random>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "icat/adapters/mavlink.hpp"
+
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+struct Frame {
+  Bytes bytes;
+  std::string kind;
+  std::vector<double> values;
+};
+
+std::vector<Frame> record(int count, int seed) {
+  const std::string command = std::string(ICAT_PYTHON) + " " + ICAT_PEERS + "/record.py " +
+                              std::to_string(count) + " " + std::to_string(seed);
+  const std::unique_ptr<FILE, int (*)(FILE*)> pipe(::popen(command.c_str(), "r"), ::pclose);
+  std::vector<Frame> frames;
+  char line[2048];
+  while (pipe && std::fgets(line, sizeof line, pipe.get())) {
+    std::istringstream words(line);
+    std::string hex;
+    Frame f;
+    words >> hex >> f.kind;
+    for (double v; words >> v;) f.values.push_back(v);
+    for (std::size_t i = 0; i + 1 < hex.size(); i += 2) {
+      f.bytes.push_back(static_cast<std::uint8_t>(std::stoi(hex.substr(i, 2), nullptr, 16)));
+    }
+    frames.push_back(f);
+  }
+  return frames;
+}
+
+// What the vehicle must know after the frames that came whole, by their place in the recording.
+struct Expected {
+  const Frame* heartbeat = nullptr;
+  const Frame* attitude = nullptr;
+  const Frame* position = nullptr;
+  std::size_t newest = 0;  // place + 1
+  std::uint32_t whole = 0;
+
+  void take(const std::vector<Frame>& all, std::size_t place) {
+    const Frame& f = all[place];
+    ++whole;
+    if (f.kind == "HEARTBEAT" && place + 1 > newest) heartbeat = &f;
+    if (f.kind == "ATTITUDE" && (!attitude || f.values[0] > attitude->values[0])) attitude = &f;
+    if (f.kind == "POSITION" && (!position || f.values[0] > position->values[0])) position = &f;
+    newest = std::max(newest, place + 1);
+  }
+  void check(const icat::MavlinkVehicle& vehicle) const {
+    EXPECT_EQ(vehicle.counts().frames, whole);
+    EXPECT_EQ(vehicle.counts().reboots, 0u);
+    if (heartbeat) {
+      EXPECT_EQ(static_cast<double>(vehicle.heartbeat().value.mode), heartbeat->values[0]);
+      EXPECT_EQ(vehicle.heartbeat().value.armed, heartbeat->values[1] == 1);
+    }
+    ASSERT_EQ(vehicle.heartbeat().count > 0, heartbeat != nullptr);
+    ASSERT_EQ(vehicle.attitude().count > 0, attitude != nullptr);
+    ASSERT_EQ(vehicle.position().count > 0, position != nullptr);
+    if (attitude) {
+      const auto& v = attitude->values;
+      const Eigen::Quaterniond q = Eigen::AngleAxisd(v[3], Eigen::Vector3d::UnitZ()) *
+                                   Eigen::AngleAxisd(v[2], Eigen::Vector3d::UnitY()) *
+                                   Eigen::AngleAxisd(v[1], Eigen::Vector3d::UnitX());
+      const auto& a = vehicle.attitude().value;
+      const Eigen::Quaterniond got(a.orientation[3], a.orientation[0], a.orientation[1],
+                                   a.orientation[2]);
+      EXPECT_LT(got.angularDistance(q), 1e-7);  // acos of what rounds at 1e-16
+      for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(a.rates[i], v[4 + i]);
+    }
+    if (position) {
+      const auto& p = vehicle.position().value;
+      for (std::size_t i = 0; i < 3; ++i) {
+        EXPECT_EQ(p.position[i], position->values[1 + i]);
+        EXPECT_EQ(p.velocity[i], position->values[4 + i]);
+      }
+    }
+  }
+};
+
+TEST(MavlinkFrames, DamagedStreamsKeepWhatIsWhole) {
+  const std::vector<Frame> frames = record(400, 7);
+  ASSERT_EQ(frames.size(), 400u);
+  std::mt19937 draw(3);
+  const auto below = [&](std::size_t n) { return static_cast<std::size_t>(draw() % n); };
+  std::uint32_t damaged = 0, lost = 0, repeated = 0, late = 0;
+  for (int trial = 0; trial < 100; ++trial) {
+    SCOPED_TRACE(trial);
+    // Neighbours change places; then each frame is whole, lost, doubled or damaged.
+    std::vector<std::size_t> order(frames.size());
+    for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+    for (std::size_t i = 0; i + 4 < order.size(); ++i) {
+      if (below(10) == 0) std::swap(order[i], order[i + 1 + below(3)]);
+    }
+    icat::MavlinkVehicle vehicle;
+    Expected expected;
+    Bytes pending;
+    double now = 0;
+    for (const std::size_t place : order) {
+      Bytes b = frames[place].bytes;
+      switch (below(12)) {
+        case 0:  // one byte, or two that are neighbours: a CRC of 16 bits sees each of these
+          b[below(b.size())] ^= static_cast<std::uint8_t>(1 + below(255));
+          break;
+        case 1: {
+          const std::size_t at = 10 + below(b.size() - 11);
+          b[at] ^= static_cast<std::uint8_t>(1 + below(255));
+          b[at + 1 < b.size() ? at + 1 : at] ^= static_cast<std::uint8_t>(below(255));
+          break;
+        }
+        case 2:
+          b.resize(below(b.size()));
+          break;
+        case 3:
+          b.clear();
+          break;
+        case 4:
+          expected.take(frames, place);
+          expected.take(frames, place);
+          b.insert(b.end(), frames[place].bytes.begin(), frames[place].bytes.end());
+          break;
+        case 5:  // noise in between, with begins of frames in it
+          expected.take(frames, place);
+          for (std::size_t k = below(40); k > 0; --k) {
+            b.push_back(below(4) == 0 ? 0xFD : static_cast<std::uint8_t>(below(256)));
+          }
+          break;
+        default:
+          expected.take(frames, place);
+      }
+      pending.insert(pending.end(), b.begin(), b.end());
+      // In pieces that end anywhere.
+      while (!pending.empty() && below(3) != 0) {
+        const std::size_t n = 1 + below(pending.size());
+        vehicle.receive({pending.data(), n}, now);
+        pending.erase(pending.begin(), pending.begin() + static_cast<std::ptrdiff_t>(n));
+      }
+      now += 1e-3;
+    }
+    pending.resize(pending.size() + 300);  // a false begin waits for no more than 280 bytes
+    vehicle.receive(pending, now);
+    expected.check(vehicle);
+    damaged += vehicle.counts().damaged;
+    lost += vehicle.counts().lost;
+    repeated += vehicle.counts().repeated;
+    late += vehicle.counts().late;
+  }
+  EXPECT_GT(damaged, 0u);
+  EXPECT_GT(lost, 0u);
+  EXPECT_GT(repeated, 0u);
+  EXPECT_GT(late, 0u);
+}
+
+// Frames of a vehicle, packed by the generated headers: the bytes themselves are checked above.
+struct ArduMode {
+  std::uint32_t number = 4;
+  bool armed = true;
+  std::uint8_t state = MAV_STATE_ACTIVE;
+  std::uint8_t type = MAV_TYPE_SUBMARINE;
+};
+
+class Vehicle : public ::testing::Test {
+ protected:
+  template <class Pack>
+  void put(Pack pack, double now, std::uint8_t system = 1, std::uint8_t component = 1) {
+    mavlink_message_t m;
+    pack(system, component, &numbers, &m);
+    std::uint8_t bytes[280];
+    vehicle.receive({bytes, mavlink_msg_to_send_buffer(bytes, &m)}, now);
+  }
+  void heartbeat(double now, ArduMode mode = {}, std::uint8_t system = 1,
+                 std::uint8_t component = 1) {
+    put(
+        [&](auto s, auto c, auto* n, auto* m) {
+          mavlink_msg_heartbeat_pack_status(s, c, n, m, mode.type, MAV_AUTOPILOT_ARDUPILOTMEGA,
+                                            static_cast<std::uint8_t>(1 | (mode.armed ? 128 : 0)),
+                                            mode.number, mode.state);
+        },
+        now, system, component);
+  }
+  void attitude(std::uint32_t stamp, double now, float yaw = 0, float roll = 0, float rate = 0) {
+    put(
+        [&](auto s, auto c, auto* n, auto* m) {
+          mavlink_msg_attitude_pack_status(s, c, n, m, stamp, roll, 0, yaw, 0, 0, rate);
+        },
+        now);
+  }
+  void quaternion(std::uint32_t stamp, double now, std::array<float, 4> q) {
+    const float offset[4] = {};
+    put(
+        [&](auto s, auto c, auto* n, auto* m) {
+          mavlink_msg_attitude_quaternion_pack_status(s, c, n, m, stamp, q[0], q[1], q[2], q[3], 0,
+                                                      0, 0, offset);
+        },
+        now);
+  }
+  void position(std::uint32_t stamp, double now, float x = 0, float vx = 0) {
+    put(
+        [&](auto s, auto c, auto* n, auto* m) {
+          mavlink_msg_local_position_ned_pack_status(s, c, n, m, stamp, x, 0, 0, vx, 0, 0);
+        },
+        now);
+  }
+  void answer(std::uint16_t command, std::uint8_t result, double now, std::uint8_t to = 255) {
+    put(
+        [&](auto s, auto c, auto* n, auto* m) {
+          mavlink_msg_command_ack_pack_status(s, c, n, m, command, result, 0, 0, to,
+                                              to == 0 ? 0 : MAV_COMP_ID_ONBOARD_COMPUTER);
+        },
+        now);
+  }
+  // What goes out at `now`, by message.
+  std::vector<mavlink_message_t> sent(double now) {
+    std::vector<mavlink_message_t> result;
+    icat::MavlinkCounts counts;
+    icat::detail::mavlink::FrameReader reader;
+    reader.push(vehicle.send(now), counts, [&](const auto& m) { result.push_back(m); });
+    EXPECT_EQ(counts.skipped, 0u);
+    return result;
+  }
+  static std::size_t count(const std::vector<mavlink_message_t>& all, std::uint32_t id) {
+    std::size_t n = 0;
+    for (const auto& m : all) n += m.msgid == id;
+    return n;
+  }
+  static mavlink_command_long_t command(const std::vector<mavlink_message_t>& all) {
+    mavlink_command_long_t c{};
+    for (const auto& m : all) {
+      if (m.msgid == MAVLINK_MSG_ID_COMMAND_LONG) mavlink_msg_command_long_decode(&m, &c);
+    }
+    return c;
+  }
+  static mavlink_set_position_target_local_ned_t set_point(
+      const std::vector<mavlink_message_t>& all) {
+    mavlink_set_position_target_local_ned_t t{};
+    t.vx = NAN;
+    for (const auto& m : all) {
+      if (m.msgid == MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED) {
+        mavlink_msg_set_position_target_local_ned_decode(&m, &t);
+      }
+    }
+    return t;
+  }
+
+  mavlink_status_t numbers{};
+  icat::MavlinkVehicle vehicle{icat::MavlinkOptions{.telemetry_rate = 0}};
+};
+
+TEST_F(Vehicle, IsHealthyWhenAllIsFreshAndItObeys) {
+  EXPECT_FALSE(vehicle.healthy(0));
+  EXPECT_EQ(vehicle.age(0), std::numeric_limits<double>::infinity());
+  heartbeat(0);
+  attitude(1000, 0);
+  EXPECT_FALSE(vehicle.healthy(0));
+  position(1000, 0);
+  EXPECT_TRUE(vehicle.healthy(0));
+  EXPECT_TRUE(vehicle.healthy(0.5));
+  EXPECT_FALSE(vehicle.healthy(0.51));  // max_age
+  EXPECT_FALSE(vehicle.healthy(NAN));
+  attitude(4000, 3.1);
+  position(4000, 3.1);
+  EXPECT_FALSE(vehicle.healthy(3.1));  // the heartbeat
+  for (const ArduMode& not_obeying :
+       {ArduMode{.number = 2}, ArduMode{.armed = false}, ArduMode{.state = MAV_STATE_CRITICAL}}) {
+    heartbeat(3.1);
+    EXPECT_TRUE(vehicle.healthy(3.1));
+    heartbeat(3.1, not_obeying);
+    EXPECT_FALSE(vehicle.healthy(3.1));
+  }
+}
+
+TEST_F(Vehicle, IgnoresOthers) {
+  heartbeat(0, {}, 2, 1);
+  heartbeat(0, {}, 1, 100);
+  heartbeat(0, {.type = MAV_TYPE_QUADROTOR});
+  EXPECT_EQ(vehicle.heartbeat().count, 0u);
+  EXPECT_EQ(vehicle.counts().foreign, 2u);
+  EXPECT_EQ(vehicle.counts().refused, 1u);
+}
+
+TEST_F(Vehicle, RefusesNonsenseAndKeepsTheLastValue) {
+  attitude(1000, 1, 0.5f);
+  position(1000, 1, 3);
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const float infinite = std::numeric_limits<float>::infinity();
+  attitude(1010, 2, nan);
+  attitude(1010, 2, infinite);
+  attitude(1010, 2, 90);  // degrees
+  attitude(1010, 2, 0, 0, nan);
+  attitude(1010, 2, 0, 0, 100);
+  quaternion(1010, 2, {1, 0.1f, 0, 0});
+  quaternion(1010, 2, {0, 0, 0, 0});
+  quaternion(1010, 2, {nan, 0, 0, 0});
+  position(1010, 2, nan);
+  position(1010, 2, 1e7f);
+  position(1010, 2, 0, 60);
+  EXPECT_EQ(vehicle.counts().refused, 11u);
+  EXPECT_EQ(vehicle.age(2), 1);
+  EXPECT_EQ(vehicle.odometry().position[0], 3);
+  quaternion(1005, 3,
+             {std::sqrt(0.5f), 0, 0, std::sqrt(0.5f)});  // older than the nonsense: it counts
+  EXPECT_EQ(vehicle.attitude().time, 3);
+  EXPECT_NEAR(vehicle.odometry().orientation[2], std::sqrt(0.5), 1e-7);
+}
+
+TEST_F(Vehicle, GivesTheTwistOnTheBody) {
+  attitude(1000, 0, 1.57079632679f);  // nose to the east
+  position(1000, 0, 0, 0.5f);         // to the north: to port
+  EXPECT_NEAR(vehicle.odometry().twist[1], -0.5, 1e-7);
+  EXPECT_NEAR(vehicle.odometry().twist[0], 0, 1e-7);
+}
+
+TEST_F(Vehicle, KnowsLateStampsFromAReboot) {
+  position(50000, 0, 1);
+  for (int k = 0; k < 20; ++k) position(49000 + static_cast<std::uint32_t>(k), 0.01 * k, 2);
+  EXPECT_EQ(vehicle.odometry().position[0], 1);  // a burst that is late
+  position(50100, 0.3, 3);
+  EXPECT_EQ(vehicle.odometry().position[0], 3);
+  for (int k = 0; k < 60; ++k) {
+    attitude(100 + static_cast<std::uint32_t>(10 * k), 1 + 0.01 * k);
+    position(100 + static_cast<std::uint32_t>(10 * k), 1 + 0.01 * k, 4);
+    if (k < 50) {
+      EXPECT_EQ(vehicle.odometry().position[0], 3) << k;
+    }
+  }
+  EXPECT_EQ(vehicle.odometry().position[0], 4);
+  EXPECT_EQ(vehicle.counts().reboots, 1u);
+  EXPECT_NEAR(vehicle.position().time, 1.59, 1e-9);
+}
+
+TEST_F(Vehicle, StampsWrapAround) {
+  position(0xFFFFFFF0u, 0, 1);
+  position(5, 0.02, 2);
+  EXPECT_EQ(vehicle.odometry().position[0], 2);
+  EXPECT_EQ(vehicle.counts().reboots, 0u);
+}
+
+TEST_F(Vehicle, SendsZeroUnlessItIsWishedAndHealthy) {
+  const std::uint32_t id = MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED;
+  EXPECT_EQ(count(sent(0), id), 0u);  // until there is a wish
+  heartbeat(0);
+  attitude(1000, 0, 1.57079632679f);
+  position(1000, 0);
+  EXPECT_EQ(vehicle.set_velocity({0.3, 0.1, 0.05, 0.2}, 0), icat::Status::ok);
+  auto t = set_point(sent(0));
+  EXPECT_EQ(t.coordinate_frame, MAV_FRAME_LOCAL_NED);
+  EXPECT_EQ(t.type_mask, 0x5C7);
+  EXPECT_EQ(t.target_system, 1);
+  EXPECT_NEAR(t.vx, -0.1, 1e-7);  // starboard is south
+  EXPECT_NEAR(t.vy, 0.3, 1e-7);
+  EXPECT_NEAR(t.vz, 0.05, 1e-7);
+  EXPECT_NEAR(t.yaw_rate, 0.2, 1e-7);
+  EXPECT_EQ(count(sent(0.01), id), 0u);  // each wish once
+  EXPECT_EQ(count(sent(0.25), id), 0u);
+  t = set_point(sent(0.26));  // the wish is too old
+  EXPECT_EQ(t.vy, 0);
+  EXPECT_EQ(t.yaw_rate, 0);
+  EXPECT_EQ(count(sent(0.3), id), 0u);
+  EXPECT_EQ(count(sent(0.37), id), 1u);  // 10 Hz
+  for (const double bad : {double{NAN}, 1e300, 21.0}) {
+    EXPECT_NE(vehicle.set_velocity({0.3, 0.1, 0.05, bad}, 0.4), icat::Status::ok);
+    t = set_point(sent(0.4));
+    EXPECT_EQ(t.vy, 0);
+    EXPECT_EQ(t.yaw_rate, 0);
+  }
+  EXPECT_EQ(vehicle.set_velocity({0.3, 0, 0, 0}, 0.49), icat::Status::ok);
+  EXPECT_NEAR(set_point(sent(0.49)).vy, 0.3, 1e-7);
+  EXPECT_EQ(vehicle.set_velocity({0.3, 0, 0, 0}, 0.6), icat::Status::ok);
+  EXPECT_EQ(set_point(sent(0.6)).vy, 0);  // attitude and position are too old
+}
+
+TEST_F(Vehicle, HeartbeatEachSecondAndSticksWhileGuided) {
+  int beats = 0, sticks = 0;
+  for (int k = 0; k < 500; ++k) {
+    const double now = 0.01 * k;
+    if (k == 200) heartbeat(now, {.number = 19});
+    if (k == 300) heartbeat(now);
+    const auto all = sent(now);
+    beats += static_cast<int>(count(all, MAVLINK_MSG_ID_HEARTBEAT));
+    const int n = static_cast<int>(count(all, MAVLINK_MSG_ID_MANUAL_CONTROL));
+    sticks += n;
+    if (k < 300) {
+      EXPECT_EQ(n, 0) << k;
+    }
+    for (const auto& m : all) {
+      if (m.msgid != MAVLINK_MSG_ID_MANUAL_CONTROL) continue;
+      mavlink_manual_control_t c;
+      mavlink_msg_manual_control_decode(&m, &c);
+      EXPECT_TRUE(c.target == 1 && c.x == 0 && c.y == 0 && c.z == 500 && c.r == 0);
+    }
+  }
+  EXPECT_EQ(beats, 5);
+  EXPECT_NEAR(sticks, 10, 1);                                 // 2 s at 5 Hz
+  EXPECT_EQ(count(sent(3.0), MAVLINK_MSG_ID_HEARTBEAT), 1u);  // the clock jumped back
+}
+
+TEST_F(Vehicle, RequestsAreRepeatedFiveTimes) {
+  vehicle.arm();
+  std::vector<double> times;
+  for (int k = 0; k < 500; ++k) {
+    const auto all = sent(0.01 * k);
+    if (count(all, MAVLINK_MSG_ID_COMMAND_LONG) == 0) continue;
+    times.push_back(0.01 * k);
+    EXPECT_EQ(command(all).command, MAV_CMD_COMPONENT_ARM_DISARM);
+    EXPECT_EQ(command(all).confirmation, times.size() - 1);
+    EXPECT_EQ(command(all).param1, 1);
+    EXPECT_EQ(vehicle.arm_request(), icat::MavlinkRequest::pending);
+  }
+  ASSERT_EQ(times.size(), 5u);
+  EXPECT_NEAR(times[4], 2.0, 0.05);
+  EXPECT_EQ(vehicle.arm_request(), icat::MavlinkRequest::unanswered);
+}
+
+TEST_F(Vehicle, RequestsAreDoneWhenAnsweredAndShown) {
+  vehicle.arm();
+  vehicle.set_mode(icat::ArduSubMode::guided);
+  auto c = command(sent(0));
+  EXPECT_EQ(c.command, MAV_CMD_DO_SET_MODE);  // the mode first
+  EXPECT_EQ(c.param1, 1);
+  EXPECT_EQ(c.param2, 4);
+  heartbeat(0.01, {.number = 19, .armed = false});
+  answer(MAV_CMD_COMPONENT_ARM_DISARM, MAV_RESULT_ACCEPTED, 0.02);  // to another question
+  answer(MAV_CMD_DO_SET_MODE, MAV_RESULT_ACCEPTED, 0.02, 254);      // to somebody else
+  heartbeat(0.03, {.armed = false});
+  EXPECT_EQ(vehicle.mode_request(), icat::MavlinkRequest::pending);
+  answer(MAV_CMD_DO_SET_MODE, MAV_RESULT_ACCEPTED, 0.04);
+  EXPECT_EQ(vehicle.mode_request(), icat::MavlinkRequest::pending);
+  heartbeat(1, {.armed = false});
+  EXPECT_EQ(vehicle.mode_request(), icat::MavlinkRequest::done);
+  EXPECT_EQ(command(sent(1)).command, MAV_CMD_COMPONENT_ARM_DISARM);
+  answer(MAV_CMD_COMPONENT_ARM_DISARM, MAV_RESULT_TEMPORARILY_REJECTED, 1.1);
+  EXPECT_EQ(command(sent(1.5)).confirmation, 1);
+  answer(MAV_CMD_COMPONENT_ARM_DISARM, MAV_RESULT_FAILED, 1.6);
+  EXPECT_EQ(vehicle.arm_request(), icat::MavlinkRequest::refused);
+  EXPECT_EQ(count(sent(2.6), MAVLINK_MSG_ID_COMMAND_LONG), 0u);
+}
+
+TEST_F(Vehicle, DisarmingDoesNotWait) {
+  vehicle.set_mode(icat::ArduSubMode::guided);
+  EXPECT_EQ(command(sent(0)).command, MAV_CMD_DO_SET_MODE);
+  vehicle.disarm();
+  const auto c = command(sent(0.005));
+  EXPECT_EQ(c.command, MAV_CMD_COMPONENT_ARM_DISARM);
+  EXPECT_EQ(c.param1, 0);
+  // An answer that was meant for arming does not end it: the heartbeat shows that it is armed.
+  answer(MAV_CMD_COMPONENT_ARM_DISARM, MAV_RESULT_ACCEPTED, 0.01);
+  heartbeat(0.5);
+  EXPECT_EQ(vehicle.arm_request(), icat::MavlinkRequest::pending);
+  heartbeat(1.5, {.armed = false});
+  EXPECT_EQ(vehicle.arm_request(), icat::MavlinkRequest::done);
+  EXPECT_EQ(command(sent(1.5)).command, MAV_CMD_DO_SET_MODE);  // then what waited
+}
+
+TEST(MavlinkVehicle, RefusesOptionsThatMakeNoSense) {
+  EXPECT_THROW(icat::MavlinkVehicle({.telemetry_rate = -1}), std::invalid_argument);
+  EXPECT_THROW(icat::MavlinkVehicle({.telemetry_rate = NAN}), std::invalid_argument);
+  EXPECT_THROW(icat::MavlinkVehicle({.max_age = 0}), std::invalid_argument);
+  EXPECT_THROW(icat::MavlinkVehicle({.system = 1, .component = 1}), std::invalid_argument);
+}
+
+}  // namespace
