@@ -17,7 +17,9 @@ class CanopenArm {
  public:
   /// `interface`: "can0". The drives are nodes 1 to 7; their position 0 is the folded arm.
   CanopenArm(Rest& rest, const std::string& interface)
-      : rest_(&rest), socket_(interface), bus_(drives(), {.period = period}) {}
+      : rest_(&rest),
+        socket_(interface),
+        bus_(drives(), {.period = period, .feedback_timeout = 0.2, .command_timeout = 0.2}) {}
 
   icat::Status read(double time, icat::RobotState<Robot>& state) noexcept {
     icat::CanFrame frame;
@@ -51,6 +53,11 @@ class CanopenArm {
     return rest_->write(time, command);
   }
   bool healthy(double time) const noexcept { return bus_.healthy(time) && rest_->healthy(time); }
+  /// Why the arm stopped last, for a log.
+  std::string why() const {
+    if (bus_.cause() == icat::canopen::StopCause::none) return "";
+    return bus_.drive(bus_.culprit()).options().name + ": " + icat::canopen::describe(bus_.cause());
+  }
 
  private:
   static std::vector<icat::canopen::DriveOptions> drives() {

@@ -41,8 +41,8 @@ auto real_time() {
     return std::chrono::duration<double>(Clock::now() - start).count();
   };
 }
-void entered(double t, const std::string& phase) {
-  std::printf("%7.2f s  %s\n", t, phase.c_str());
+void entered(double t, const std::string& phase, const std::string& why = "") {
+  std::printf("%7.2f s  %s%s%s\n", t, phase.c_str(), why.empty() ? "" : "  ", why.c_str());
   std::fflush(stdout);
 }
 
@@ -62,20 +62,23 @@ reach::Result run(const std::string& name, const std::string& can, const std::st
   icat::KinematicPlant<Robot> plant(robot,
                                     {.q = support::folded_arm(), .not_actuated = reach::given});
   icat::PlantBackEnd kinematic(robot, plant);
-  if (name == "kinematic") return reach::run(kinematic, simulated, entered);
+  const auto log = [](double t, const std::string& phase) { entered(t, phase); };
+  if (name == "kinematic") return reach::run(kinematic, simulated, log);
 #if defined(ICAT_WITH_MUJOCO)
   if (name == "mujoco") {
     const auto model =
         support::load_mujoco(support::mjcf(icat::maris_dynamics<double>(), support::pool()));
     icat::MujocoPlant<Robot> simulation(robot, *model, {.q = support::folded_arm()});
     icat::PlantBackEnd back_end(robot, simulation);
-    return reach::run(back_end, simulated, entered);
+    return reach::run(back_end, simulated, log);
   }
 #endif
 #if defined(ICAT_WITH_CAN)
   if (name == "canopen") {
     reach::CanopenArm back_end(kinematic, can);
-    return reach::run(back_end, real_time(), entered);
+    return reach::run(back_end, real_time(), [&](double t, const std::string& phase) {
+      entered(t, phase, phase == "standby" ? back_end.why() : "");
+    });
   }
 #endif
 #if defined(ICAT_WITH_MAVLINK)
@@ -84,7 +87,7 @@ reach::Result run(const std::string& name, const std::string& can, const std::st
     const std::string address = colon == std::string::npos ? "127.0.0.1" : udp.substr(0, colon);
     const int port = std::atoi(udp.c_str() + (colon == std::string::npos ? 0 : colon + 1));
     reach::ArduSubVehicle back_end(robot, kinematic, address, static_cast<std::uint16_t>(port));
-    return reach::run(back_end, real_time(), entered);
+    return reach::run(back_end, real_time(), log);
   }
 #endif
   (void)can, (void)udp;
