@@ -125,23 +125,32 @@ void bad_line(Input in) {
   server.object = wanted;
   const std::vector<std::uint8_t> other(1 + in.next() % 32u, 0xa5);
   const bool writes = in.next() & 1;
-  std::deque<CanFrame> there, back;
+  // A frame that is held back for longer is lost: the client promises nothing for answers that come
+  // later than two time-outs.
+  constexpr double latest = 0.45;
+  std::deque<std::pair<CanFrame, double>> there, back;
+  std::deque<CanFrame> answers;
   double now = 0;
   for (int step = 0; step < 400 && in.size > 0; ++step) {
     if (client.state() != SdoState::busy) {
       writes ? client.download(0x1008, 0, other, now) : client.upload(0x1008, 0, now);
     }
-    client.send([&](const CanFrame& f) { return there.push_back(f), true; });
+    client.send([&](const CanFrame& f) { return there.emplace_back(f, now), true; });
+    const auto times = [](std::uint8_t fate) {
+      return (fate & 0x0c) == 0x0c ? 0 : (fate & 0x30) == 0x30 ? 2 : 1;
+    };
     const std::uint8_t fate = in.next();
+    while (!there.empty() && now - there.front().second > latest) there.pop_front();
     if (!there.empty() && (fate & 3) != 3) {
-      if ((fate & 0x0c) != 0x0c) server.take(there.front(), back);
-      if ((fate & 0x30) == 0x30) server.take(there.front(), back);
+      for (int k = 0; k < times(fate); ++k) server.take(there.front().first, answers);
       there.pop_front();
+      for (const CanFrame& f : answers) back.emplace_back(f, now);
+      answers.clear();
     }
     const std::uint8_t other_fate = in.next();
+    while (!back.empty() && now - back.front().second > latest) back.pop_front();
     if (!back.empty() && (other_fate & 3) != 3) {
-      const int times = (other_fate & 0x0c) == 0x0c ? 0 : (other_fate & 0x30) == 0x30 ? 2 : 1;
-      for (int k = 0; k < times; ++k) client.receive(back.front(), now);
+      for (int k = 0; k < times(other_fate); ++k) client.receive(back.front().first, now);
       back.pop_front();
     }
     if (client.state() == SdoState::done) {
