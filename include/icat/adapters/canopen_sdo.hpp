@@ -6,7 +6,8 @@
 /// looks at the clock. A transfer takes as many cycles as it takes; no call waits.
 ///
 /// Replies that belong to no transfer, come twice or late are ignored. What never comes ends in a
-/// time-out.
+/// time-out. Replies do not say which transfer they belong to: after a time-out the next one waits
+/// as long again, and an answer that is later than two time-outs can be taken for another's.
 #pragma once
 
 #include <algorithm>
@@ -86,7 +87,8 @@ class SdoClient {
     if (capacity < 4) detail::invalid("SDO client: capacity must be at least 4, got ", capacity);
   }
 
-  /// Begins to read an object. False while a transfer or its abort is still on its way.
+  /// Begins to read an object. False while a transfer or its abort is still on its way, and for one
+  /// `timeout` after a transfer that timed out.
   bool upload(std::uint16_t index, std::uint8_t subindex, double now) noexcept {
     if (!begin(index, subindex, now)) return false;
     size_ = 0;
@@ -94,8 +96,8 @@ class SdoClient {
     request(0x40);
     return true;
   }
-  /// Begins to write an object: `bytes` are little-endian and are copied. False while a transfer or
-  /// its abort is still on its way, where there is nothing to write, and beyond the capacity.
+  /// Begins to write an object: `bytes` are little-endian and are copied. False where `upload` is,
+  /// where there is nothing to write, and beyond the capacity.
   bool download(std::uint16_t index, std::uint8_t subindex, std::span<const std::uint8_t> bytes,
                 double now) noexcept {
     if (bytes.empty() || bytes.size() > data_.size()) return false;
@@ -169,7 +171,10 @@ class SdoClient {
   /// Ends a transfer whose answer is late at `now`, s.
   void advance(double now) noexcept {
     if (now < since_) since_ = now;  // a clock that was set back
-    if (state_ == SdoState::busy && !(now - since_ <= timeout_)) give_up(0x05040000);
+    if (state_ == SdoState::busy && !(now - since_ <= timeout_)) {
+      give_up(0x05040000);
+      since_ = now;
+    }
   }
   /// Hands the next frame to `send`, `bool(const CanFrame&)`, if there is one. Returns false where
   /// `send` did: the frame stays.
@@ -205,6 +210,7 @@ class SdoClient {
 
   bool begin(std::uint16_t index, std::uint8_t subindex, double now) noexcept {
     if (state_ == SdoState::busy || pending_) return false;
+    if (state_ == SdoState::timed_out && now - since_ < timeout_ && now >= since_) return false;
     index_ = index;
     subindex_ = subindex;
     since_ = now;

@@ -260,7 +260,7 @@ class Drive {
   /// As checked; no unit is 0 any more.
   const DriveOptions& options() const noexcept { return options_; }
 
-  /// For a clock that was set back to `now`, s: nothing is of the future.
+  /// Nothing is of the future at `now`, s, also where the clock was set back.
   void limit_times(double now) noexcept {
     for (double* time : {&sample_.time, &velocity_.time, &target_.time, &edge_, &asked_}) {
       if (*time > now) *time = now;

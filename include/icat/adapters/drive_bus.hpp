@@ -34,10 +34,10 @@ struct DriveBusOptions {
   double feedback_timeout{0.1};  ///< s: measurements older than that stop the arm
   double hold{0.1};              ///< s: a velocity older than that counts as 0
   double command_timeout{0.1};   ///< s: drives that hear no command for that long stop by
-                                ///< themselves; 0 where they cannot watch it (no object 0x1400, 5)
-  double start_timeout{3};  ///< s: from `enable` to the operation of all drives
-  double sdo_timeout{0.5};  ///< s: an answer to one write of the configuration
-  double retry{1};          ///< s: between two tries to configure a drive that does not answer
+                                 ///< themselves; 0 where they cannot watch it (no object 0x1400, 5)
+  double start_timeout{3};       ///< s: from `enable` to the operation of all drives
+  double sdo_timeout{0.5};       ///< s: an answer to one write of the configuration
+  double retry{1};               ///< s: between two tries to configure a drive that does not answer
 };
 
 /// Why an arm does not move.
@@ -193,6 +193,7 @@ class DriveBus {
 
   /// Whether all drives are configured and heard of: `enable` would begin.
   bool ready(double now) const noexcept {
+    if (!(now >= last_ - options_.period)) return false;  // a clock that was set back
     for (const Drive& drive : drives_) {
       if (drive.node().phase() != NodePhase::running || !current(drive, now)) return false;
     }
@@ -243,13 +244,15 @@ class DriveBus {
       if (last_ - now > options_.period && request_ == DriveRequest::enabled) {
         halt(DriveRequest::quick_stop, StopCause::clock_set_back, 0);
       }
-      for (Drive& drive : drives_) drive.limit_times(now);
       next_ = std::min(next_, now + options_.period);
       next_heartbeat_ = std::min(next_heartbeat_, now + options_.heartbeat_period);
       since_ = std::min(since_, now);
     }
     last_ = now;
-    for (Drive& drive : drives_) drive.advance(now);
+    for (Drive& drive : drives_) {
+      drive.limit_times(now);
+      drive.advance(now);
+    }
     if (request_ != DriveRequest::enabled) return;
     bool all = true;
     for (std::size_t i = 0; i < drives_.size(); ++i) {

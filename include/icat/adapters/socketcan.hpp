@@ -146,6 +146,21 @@ class SocketCan {
     return CanStatus::ok;
   }
 
+  /// Gives each frame that has come to `take`, `void(const CanFrame&)`, at most `most` of them, so
+  /// that a bus that never falls silent does not hold the loop. `ok`, also where nothing came;
+  /// `full`: there may be more; `down`.
+  template <class Take>
+  CanStatus receive_all(Take&& take, int most = 1024) noexcept {
+    CanFrame frame;
+    for (int i = 0; i < most; ++i) {
+      const CanStatus status = receive(frame);
+      if (status == CanStatus::empty) return CanStatus::ok;
+      if (status == CanStatus::down) return status;
+      if (status == CanStatus::ok) take(static_cast<const CanFrame&>(frame));
+    }
+    return CanStatus::full;
+  }
+
   /// What the controller reported.
   const CanErrors& errors() const noexcept { return errors_; }
   /// `errno` of the last `down`; 0 where there was none.

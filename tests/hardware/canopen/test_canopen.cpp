@@ -217,10 +217,11 @@ TEST(Sdo, Failures) {
   EXPECT_FALSE(t.client.upload(0x1008, 0, 2)) << "the abort comes first";
   ASSERT_TRUE(t.next());
   EXPECT_EQ(t.out, (CanFrame{0x605, 8, {0x80, 0x08, 0x10, 0, 0, 0, 0x04, 0x05}}));
+  EXPECT_FALSE(t.client.upload(0x1008, 0, 2)) << "an answer may still come";
 
   // More than fits, announced or not; less than announced; segments without end.
   for (int k = 0; k < 4; ++k) {
-    ASSERT_TRUE(t.client.upload(0x1008, 0, 2));
+    ASSERT_TRUE(t.client.upload(0x1008, 0, 3));
     ASSERT_TRUE(t.next());
     if (k == 0) t.answer({0x41, 0x08, 0x10, 0, 33});
     if (k > 0) t.answer({static_cast<std::uint8_t>(k == 2 ? 0x41 : 0x40), 0x08, 0x10, 0, 9});
