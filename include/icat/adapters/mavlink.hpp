@@ -192,9 +192,7 @@ class MavlinkVehicle {
       return;
     }
     // What carries a stamp is told old from new by that; the rest by its number.
-    const auto place = numbering_.place(m.seq, now, counts_);
-    const bool next = place == detail::mavlink::Numbering::Place::next;
-    if (place == detail::mavlink::Numbering::Place::repeated) return;
+    const bool next = numbering_.next(m.seq, now, counts_);
     switch (m.msgid) {
       case MAVLINK_MSG_ID_HEARTBEAT:
         if (next) take_heartbeat(m, now);

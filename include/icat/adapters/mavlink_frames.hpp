@@ -207,18 +207,18 @@ class FrameWriter {
 /// The numbering of a sender's frames, 0 to 255 and anew.
 class Numbering {
  public:
-  enum class Place { next, repeated, late };
-  /// Where `number` stands that came at `now`, s. After a second without any, it begins anew.
-  Place place(std::uint8_t number, double now, MavlinkCounts& counts) noexcept {
+  /// Whether `number`, which came at `now`, s, is newer than those before. After a second without
+  /// any, it begins anew.
+  bool next(std::uint8_t number, double now, MavlinkCounts& counts) noexcept {
     const auto ahead = static_cast<std::uint8_t>(number - last_);
     const bool anew = !heard_ || !(now - time_ <= 1);
-    if (!anew && ahead == 0) return ++counts.repeated, Place::repeated;
-    if (!anew && ahead > 127) return ++counts.late, Place::late;
+    if (!anew && ahead == 0) return ++counts.repeated, false;
+    if (!anew && ahead > 127) return ++counts.late, false;
     if (!anew) counts.lost += ahead - 1u;
     heard_ = true;
     last_ = number;
     time_ = now;
-    return Place::next;
+    return true;
   }
 
  private:

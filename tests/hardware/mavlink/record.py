@@ -25,7 +25,10 @@ def main():
     draw = random.Random(seed)
     sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
 
+    sender.signing.secret_key = bytes(32)
+
     def put(message, *words, old=False):
+        sender.signing.sign_outgoing = not old and draw.random() < 0.1
         data = message.pack(sender, force_mavlink1=old)
         sender.seq = (sender.seq + 1) % 256
         print(data.hex(), *words)
