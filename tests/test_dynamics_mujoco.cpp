@@ -9,7 +9,7 @@
 #include <memory>
 #include <sstream>
 
-#include "../examples/support/mujoco.hpp"
+#include "../examples/support/mujoco/maris.hpp"
 #include "support/hydrodynamics.hpp"
 
 namespace {

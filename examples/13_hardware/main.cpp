@@ -24,7 +24,7 @@
 #if defined(ICAT_WITH_MUJOCO)
 #include <icat/adapters/mujoco_plant.hpp>
 
-#include "../support/mujoco.hpp"
+#include "../support/mujoco/maris.hpp"
 #endif
 
 namespace {

@@ -5,7 +5,7 @@
 #include <icat/adapters/mujoco_plant.hpp>
 
 #include "examples/01_grasp/mission.hpp"
-#include "examples/support/mujoco.hpp"
+#include "examples/support/mujoco/maris.hpp"
 
 namespace {
 
@@ -15,9 +15,11 @@ grasp::Result run(const grasp::Variant& variant, int* contacts) {
   const grasp::Robot robot = grasp::make_robot();
   const auto model =
       support::load_mujoco(support::mjcf(icat::maris_dynamics<double>(), support::pool()));
+  //! [plant]
   icat::MujocoPlant<grasp::Robot> plant(
       robot, *model, {.q = support::folded_arm(), .base = grasp::start(variant)});
   icat::PlantBackEnd back_end(robot, plant);
+  //! [plant]
   return grasp::run(variant, 0.01, back_end,
                     [&](const auto&...) { *contacts = std::max(*contacts, plant.data().ncon); });
 }

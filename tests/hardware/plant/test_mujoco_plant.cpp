@@ -8,7 +8,7 @@
 #include <icat/sim/kinematic_plant.hpp>
 #include <icat/sim/plant_back_end.hpp>
 
-#include "examples/support/mujoco.hpp"
+#include "examples/support/mujoco/maris.hpp"
 #include "tests/hardware/support/loop.hpp"
 
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "mujoco.hpp"
+#include "maris.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
