@@ -86,6 +86,7 @@ reach::Result run(const std::string& name, const std::string& can, const std::st
     const std::size_t colon = udp.rfind(':');
     const std::string address = colon == std::string::npos ? "127.0.0.1" : udp.substr(0, colon);
     const int port = std::atoi(udp.c_str() + (colon == std::string::npos ? 0 : colon + 1));
+    if (port < 1 || port > 65535) throw std::runtime_error("--udp: no port in '" + udp + "'");
     reach::ArduSubVehicle back_end(robot, kinematic, address, static_cast<std::uint16_t>(port));
     return reach::run(back_end, real_time(), log);
   }
