@@ -105,7 +105,8 @@ class MavlinkVehicle {
       heartbeat_sent_ = now;
       out_.heartbeat();
     }
-    const bool guided = heartbeat_.fresh(now, 3) && heartbeat_.value.mode == ArduSubMode::guided;
+    const bool guided =
+        recent(heartbeat_.age(now), 3) && heartbeat_.value.mode == ArduSubMode::guided;
     if (options_.sticks && guided && is_due(sticks_sent_, now, 0.2)) {
       sticks_sent_ = now;
       out_.sticks(options_.target_system);
@@ -150,8 +151,9 @@ class MavlinkVehicle {
   /// most `max_age`.
   bool healthy(double now) const noexcept {
     const MavlinkHeartbeat& h = heartbeat_.value;
-    return heartbeat_.fresh(now, 3) && h.armed && h.mode == ArduSubMode::guided && !h.failsafe &&
-           age(now) <= options_.max_age;
+    return recent(heartbeat_.age(now), 3) && h.armed && h.mode == ArduSubMode::guided &&
+           !h.failsafe && recent(attitude_.age(now), options_.max_age) &&
+           recent(position_.age(now), options_.max_age);
   }
   /// Of attitude and position, the older one's, s at `now`; infinite until both came.
   double age(double now) const noexcept {
@@ -221,7 +223,11 @@ class MavlinkVehicle {
       ++counts_.refused;  // the numbers of its modes mean something else
       return;
     }
-    if (!heartbeat_.fresh(now, 3)) ask_rates();
+    // Heard of anew, or it has forgotten the rates or never heard of them.
+    const bool asking = requests_.state(Requests::attitude_rate) == MavlinkRequest::pending ||
+                        requests_.state(Requests::position_rate) == MavlinkRequest::pending;
+    if (!recent(heartbeat_.age(now), 3)) ask_rates();
+    if (!asking && !(age(now) <= 1 + 2 / options_.telemetry_rate)) ask_rates();
     MavlinkHeartbeat value;
     value.mode = static_cast<ArduSubMode>(h.custom_mode);
     value.armed = (h.base_mode & MAV_MODE_FLAG_SAFETY_ARMED) != 0;
@@ -292,6 +298,8 @@ class MavlinkVehicle {
     if (newer(position_stamps_, p.time_boot_ms, now)) position_.put(value, now);
   }
 
+  // Where the caller's clock jumped back, what came before it is as old as what is far ahead of it.
+  static bool recent(double age, double limit) noexcept { return std::fabs(age) <= limit; }
   static bool within(double x, double bound) noexcept { return std::fabs(x) <= bound; }
 
   bool newer(Stamps& stamps, std::uint32_t stamp, double now) noexcept {
@@ -326,7 +334,7 @@ class MavlinkVehicle {
   }
 
   void append_set_point(double now) noexcept {
-    const bool wished = wish_.fresh(now, 0.25);
+    const bool wished = recent(wish_.age(now), 0.25);
     if (wish_.count == wishes_sent_ &&
         (wished || !detail::mavlink::is_due(set_point_sent_, now, 0.1))) {
       return;

@@ -26,6 +26,7 @@ class UdpSocket {
   /// Sends to `address`:`port` and takes datagrams from there alone, at a port of its own that the
   /// system chooses.
   /// @param address in numbers, "192.168.2.2"
+  /// @param port the other end's
   /// @throws std::invalid_argument on an address that is none, or with what the system says.
   static UdpSocket connect(const std::string& address, std::uint16_t port) {
     UdpSocket socket;
@@ -37,6 +38,7 @@ class UdpSocket {
   /// Takes datagrams from anyone at `address`:`port`, and sends to who sent the last one that was
   /// read; until one was, nothing is sent. Anyone who reaches the port can command: "127.0.0.1", or
   /// a network of your own.
+  /// @param address in numbers, of this machine; "0.0.0.0" is all of them
   /// @param port 0: the system chooses, `port` says which.
   /// @throws std::invalid_argument on an address that is none, or with what the system says.
   static UdpSocket listen(const std::string& address, std::uint16_t port) {

@@ -186,6 +186,7 @@ TEST_F(Mavlink, LoopAt200Hz) {
     }
     unhealthy += !back_end.healthy(time);
     velocity(0) = velocity_of(cycles);
+    velocity(3) = 0.05;
     sent_at[static_cast<std::size_t>(cycles % steps)] = now();
     ++cycles;
     status = back_end.write(time, velocity);
@@ -196,6 +197,12 @@ TEST_F(Mavlink, LoopAt200Hz) {
   EXPECT_EQ(unhealthy, 0);
   EXPECT_EQ(worst, icat::Status::ok);
   EXPECT_NEAR(std::hypot(tap.last.vx, tap.last.vy), velocity_of(cycles - 1), 1e-5);
+  EXPECT_NEAR(tap.last.yaw_rate, 0.05, 1e-6);
+  EXPECT_NEAR(state.velocity(3), 0.05, 1e-6);
+  const icat::Odometry o = vehicle.odometry();
+  EXPECT_NEAR(std::atan2(state.base(1, 0), state.base(0, 0)),
+              2 * std::atan2(o.orientation[2], o.orientation[3]), 1e-9);
+  EXPECT_GT(state.base(1, 0), 0.01);
 
   // Dead: within max_age the vehicle is not healthy, and what goes out is zero.
   autopilot->kill();
@@ -234,6 +241,35 @@ TEST_F(Mavlink, LoopAt200Hz) {
   EXPECT_GT(static_cast<double>(before), rate * seconds / 8);
   EXPECT_GT(static_cast<double>(latencies.size() - before), rate * seconds / 8);
   EXPECT_LT(latencies.quantile(1), 0.5);
+}
+
+// Nothing comes; what goes out is kept.
+struct Sink {
+  std::size_t receive(std::span<std::uint8_t>) noexcept { return 0; }
+  bool send(std::span<const std::uint8_t>) noexcept { return true; }
+};
+
+TEST(MavlinkBackEnd, TakesBasesWhoseColumnsAreUnitMotions) {
+  icat::MavlinkVehicle vehicle;
+  Sink sink;
+  const Robot free({.base = icat::Base<double>::free(), .root = "rov"});
+  icat::MavlinkBackEnd back_end(free, vehicle, sink);
+  icat::RobotState state(free);
+  EXPECT_EQ(back_end.read(0, state), icat::Status::not_measured);
+  EXPECT_FALSE(back_end.healthy(0));
+  icat::Vector<double, Robot::size> v = icat::Vector<double, Robot::size>::Constant(6, 0.1);
+  EXPECT_EQ(back_end.write(0, v), icat::Status::ok);
+  v(3) = NAN;  // roll, which goes nowhere
+  EXPECT_EQ(back_end.write(0, v), icat::Status::non_finite);
+  v(3) = 0;
+  v(0) = 21;
+  EXPECT_EQ(back_end.write(0, v), icat::Status::implausible);
+  EXPECT_EQ(back_end.write(0, v.head(5)), icat::Status::wrong_size);
+
+  Eigen::Matrix<double, 6, 2> motion = Eigen::Matrix<double, 6, 2>::Zero();
+  motion(0, 0) = motion(0, 1) = motion(5, 1) = 1;
+  const Robot skew({.base = icat::Base<double>(motion), .root = "rov"});
+  EXPECT_THROW((icat::MavlinkBackEnd<Robot, Sink>(skew, vehicle, sink)), std::invalid_argument);
 }
 
 // What a user writes: the page shows it.

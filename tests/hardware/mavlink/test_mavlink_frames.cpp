@@ -273,6 +273,7 @@ TEST_F(Vehicle, IsHealthyWhenAllIsFreshAndItObeys) {
   EXPECT_TRUE(vehicle.healthy(0.5));
   EXPECT_FALSE(vehicle.healthy(0.51));  // max_age
   EXPECT_FALSE(vehicle.healthy(NAN));
+  EXPECT_FALSE(vehicle.healthy(-1));  // the clock jumped back: nothing is known of now
   attitude(4000, 3.1);
   position(4000, 3.1);
   EXPECT_FALSE(vehicle.healthy(3.1));  // the heartbeat
@@ -481,6 +482,37 @@ TEST_F(Vehicle, DisarmingDoesNotWait) {
   heartbeat(1.5, {.armed = false});
   EXPECT_EQ(vehicle.arm_request(), icat::MavlinkRequest::done);
   EXPECT_EQ(command(sent(1.5)).command, MAV_CMD_DO_SET_MODE);  // then what waited
+}
+
+TEST_F(Vehicle, AsksForTelemetryUntilItComes) {
+  vehicle = icat::MavlinkVehicle();
+  std::vector<std::uint32_t> asked;
+  const auto run = [&](int from, int to, bool telemetry) {
+    asked.clear();
+    for (int k = from; k < to; ++k) {
+      const double now = 0.01 * k;
+      const auto stamp = static_cast<std::uint32_t>(1000 + 10 * k);
+      if (k % 100 == 0) heartbeat(now);
+      if (telemetry) attitude(stamp, now);
+      if (telemetry) position(stamp, now);
+      const auto all = sent(now);
+      if (count(all, MAVLINK_MSG_ID_COMMAND_LONG) == 0) continue;
+      EXPECT_EQ(command(all).command, MAV_CMD_SET_MESSAGE_INTERVAL);
+      EXPECT_EQ(command(all).param2, 20000);  // us of 50 Hz
+      asked.push_back(static_cast<std::uint32_t>(command(all).param1));
+      if (from >= 2000) answer(MAV_CMD_SET_MESSAGE_INTERVAL, MAV_RESULT_ACCEPTED, now);
+    }
+  };
+  run(0, 2000, false);  // it never answers
+  EXPECT_GT(asked.size(), 30u);
+  EXPECT_LE(asked.size(), 40u);  // twice a second
+  run(2000, 3000, true);
+  EXPECT_LE(asked.size(), 2u);  // what was pending
+  run(3000, 3100, false);
+  EXPECT_EQ(asked.size(), 0u);
+  run(3100, 3300, false);  // it fell silent but for its heartbeat
+  EXPECT_EQ(asked, (std::vector<std::uint32_t>{MAVLINK_MSG_ID_ATTITUDE,
+                                               MAVLINK_MSG_ID_LOCAL_POSITION_NED}));
 }
 
 TEST(MavlinkVehicle, RefusesOptionsThatMakeNoSense) {
