@@ -14,6 +14,7 @@
 
 #include "icat/control/back_end.hpp"
 #include "icat/core/step_clock.hpp"
+#include "icat/math/spatial_algebra.hpp"
 
 namespace icat {
 
