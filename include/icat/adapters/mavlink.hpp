@@ -2,7 +2,7 @@
 /// @file
 /// A vehicle that ArduSub flies (BlueROV2 and its kind), over MAVLink: bytes in, bytes out. The
 /// messages are those of common.xml [mavlink.io, "MAVLINK Common Message Set"]; what ArduSub does
-/// with them is read in its source, files and lines of thought are in docs/mavlink.md. Frames are
+/// with them was read in its source; docs/mavlink.md names the files. Frames are
 /// the library's marine ones on both sides: a local world of north, east, down, its origin that of
 /// the vehicle's filter; a body of ahead, starboard, down. No number changes its sign.
 ///
