@@ -142,7 +142,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     }
     require(!bus.healthy(now) || bus.enabled());
     require(!bus.enabled() || bus.cause() == StopCause::none);
-    require(!bus.healthy(now + 1));
+    require(!bus.healthy(latest + 1));
   }
   // It comes back, whatever was.
   line.now = latest + 10;

@@ -108,6 +108,7 @@ class Drive:
     def boot(self):
         with self.lock:
             self.node.data_store.clear()
+            self.kept = {}
             self.node.nmt.stop_heartbeat()
             self.state, self.born = None, time.monotonic()
             self.control, self.acknowledged, self.muted = 0, False, False
@@ -119,11 +120,13 @@ class Drive:
         self.node.nmt.state = "PRE-OPERATIONAL"
 
     def get(self, index, subindex=0):
-        return int.from_bytes(self.node.get_data(index, subindex), "little",
-                              signed=index in (0x605A, 0x6007, 0x6060, 0x607A, 0x60FF))
-
-    def put(self, index, value, size):
-        self.node.set_data(index, 0, int(value).to_bytes(size, "little", signed=value < 0))
+        """Of the object dictionary, kept until it is written: the processor is shared."""
+        value = self.kept.get((index, subindex))
+        if value is None:
+            value = int.from_bytes(self.node.get_data(index, subindex), "little",
+                                   signed=index in (0x605A, 0x6007, 0x6060, 0x607A, 0x60FF))
+            self.kept[index, subindex] = value
+        return value
 
     def become(self, state):
         if state != self.state:
@@ -149,6 +152,7 @@ class Drive:
                         pdo.subscribe()
 
     def on_write(self, index, subindex, od, data):
+        self.kept.pop((index, subindex), None)
         if index == 0x1016:
             self.master_time = None
             self.watch(int.from_bytes(data, "little") >> 16 & 0x7F)
@@ -180,7 +184,7 @@ class Drive:
         with self.lock:
             self.move()
             self.command_time = time.monotonic()
-            for entry in reversed(list(pdo)):  # the target before the controlword
+            for entry in reversed(pdo.map):  # the target before the controlword
                 self.node.set_data(entry.index, entry.subindex, bytes(entry.get_data()))
 
     def on_controlword(self, control):
@@ -260,14 +264,14 @@ class Drive:
                 status |= 0x1000
             if self.get(0x6060) == 1 and abs(self.target - self.position) < 1:
                 status |= 0x0400
-            self.put(0x6041, status, 2)
-            self.put(0x6064, max(-2**31, min(2**31 - 1, round(self.position))), 4)
-            self.put(0x606C, max(-2**31, min(2**31 - 1, round(self.velocity))), 4)
-            self.put(0x6078, -25, 2)
+            measured = {0x6041: status, 0x6064: self.position, 0x606C: self.velocity, 0x6078: -25}
             for pdo in self.node.tpdo.values():
                 if pdo.enabled and pdo.trans_type == 1:
-                    for entry in pdo:
-                        entry.set_data(self.node.get_data(entry.index, entry.subindex))
+                    for entry in pdo.map:
+                        most = 1 << 31
+                        value = max(-most, min(most - 1, round(measured[entry.index])))
+                        entry.set_data((value & 0xFFFFFFFF).to_bytes(4, "little")
+                                       [:entry.length // 8])
                     pdo.transmit()
 
     def watchdog(self):
@@ -315,7 +319,7 @@ def main():
     network.subscribe(0x80, on_sync)
     print("ready", flush=True)
     while True:
-        time.sleep(0.005)
+        time.sleep(0.01)
         for drive in drives:
             drive.watchdog()
 
