@@ -14,7 +14,8 @@ need g++:g++ clang:clang++ cmake:cmake ninja-build:ninja ccache:ccache libeigen3
   libmujoco-dev libcli11-dev cyclonedds-dev libfastrtps-dev nodejs:node npm:npm \
   libroscpp-dev libsensor-msgs-dev libnav-msgs-dev libgeometry-msgs-dev libstd-msgs-dev \
   python3-roslaunch:roscore python3-rostopic:rostopic python3-rospy python3-sensor-msgs \
-  python3-nav-msgs python3-geometry-msgs python3-std-msgs
+  python3-nav-msgs python3-geometry-msgs python3-std-msgs \
+  user-mode-linux kmod iproute2
 need_compiler
 need_sanitizers
 python_tools

@@ -5,12 +5,11 @@
 // MuJoCo: q̇vel = ν = [v of the vehicle on ⟨0⟩; ω on ⟨v⟩; q̇] = T ẏ, hence M = Tᵀ M_m T and
 // c = Tᵀ (c_m + M_m Ṫ ẏ) with Ṫ ẏ = [R (ω × v); 0; 0].
 #include <gtest/gtest.h>
-#include <mujoco/mujoco.h>
 
-#include <Eigen/Eigenvalues>
 #include <memory>
 #include <sstream>
 
+#include "../examples/support/mujoco/maris.hpp"
 #include "support/hydrodynamics.hpp"
 
 namespace {
@@ -18,68 +17,16 @@ namespace {
 using namespace testing_support;
 using MatrixN = Dynamics::MatrixN;
 
-template <class V>
-std::string text(const V& v) {
-  std::ostringstream s;
-  s.precision(17);
-  for (Eigen::Index i = 0; i < v.size(); ++i) s << v(i) << ' ';
-  return s.str();
-}
-std::string text(const icat::Pose<double>& pose) {
-  const Eigen::Quaterniond q(pose.linear());
-  return "pos='" + text(pose.translation()) + "' quat='" +
-         text(Eigen::Vector4d(q.w(), q.x(), q.y(), q.z())) + "'";
-}
-
-// Bodies of links are parallel to their parent's at q = 0, so ⟨b⟩ is the frame of all.
-std::string mjcf(const Dynamics::Description& d) {
-  std::ostringstream xml;
-  const auto inertial = [&](const icat::RigidBody<double>& b) {
-    // Along principal axes: MuJoCo's own diagonalization keeps eight digits only.
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> principal(b.inertia);
-    icat::Pose<double> axes = b.pose;
-    axes.linear() *= principal.eigenvectors() * principal.eigenvectors().determinant();
-    xml << "<inertial " << text(axes) << " mass='" << text(icat::Vector<double, 1>(b.mass))
-        << "' diaginertia='" << text(principal.eigenvalues()) << "'/>\n";
-  };
-  xml << "<mujoco><compiler inertiafromgeom='false' angle='radian' boundmass='0'/>"
-      << "<option gravity='0 0 " << text(icat::Vector<double, 1>(d.gravity))
-      << "'><flag contact='disable' constraint='disable'/></option><worldbody>"
-      << "<body name='vehicle'><freejoint/>\n";
-  inertial(d.vehicle);
-  for (std::size_t i = 0; i < 7; ++i) {
-    const auto& joint = d.arm.joints[i];
-    xml << "<body " << (i == 0 ? text(d.arm_mount) : "") << "><joint type='"
-        << (joint.type == icat::JointType::revolute ? "hinge" : "slide") << "' axis='"
-        << text(joint.axis) << "' pos='" << text(joint.point) << "'/>\n";
-    inertial(d.links[i]);
-  }
-  for (int i = 0; i < 8; ++i) xml << "</body>";
-  xml << "</worldbody></mujoco>";
-  return xml.str();
-}
-
-struct Engine {
-  std::unique_ptr<mjModel, void (*)(mjModel*)> model{nullptr, mj_deleteModel};
-  std::unique_ptr<mjData, void (*)(mjData*)> data{nullptr, mj_deleteData};
-
-  explicit Engine(const std::string& xml) {
-    mjVFS files;
-    mj_defaultVFS(&files);
-    mj_makeEmptyFileVFS(&files, "robot.xml", static_cast<int>(xml.size()));
-    std::copy(xml.begin(), xml.end(), static_cast<char*>(files.filedata[0]));
-    char error[1000] = "";
-    model.reset(mj_loadXML("robot.xml", &files, error, sizeof error));
-    mj_deleteVFS(&files);
-    if (!model) throw std::runtime_error(error);
-    data.reset(mj_makeData(model.get()));
-  }
-};
-
 void compare(const Dynamics::Description& description) {
-  Engine engine(mjcf(description));
-  const mjModel* m = engine.model.get();
-  mjData* d = engine.data.get();
+  std::ostringstream option;
+  option.precision(17);
+  option << "<option gravity='0 0 " << description.gravity
+         << "'><flag contact='disable' constraint='disable'/></option>";
+  const std::string text = option.str();
+  const auto model = support::load_mujoco(support::mjcf(description, {.option = text.c_str()}));
+  const mjModel* m = model.get();
+  const std::unique_ptr<mjData, void (*)(mjData*)> data(mj_makeData(m), mj_deleteData);
+  mjData* d = data.get();
   ASSERT_EQ(m->nv, 13);
   ASSERT_EQ(m->nq, 14);
   Dynamics dynamics(description);

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <icat/icat.hpp>
 #include <icat/sim/kinematic_plant.hpp>
+#include <icat/sim/plant_back_end.hpp>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -88,10 +89,20 @@ inline constexpr double maximum_centering = 0.2;
 inline constexpr double maximum_attitude = 0.2;
 inline constexpr double hover_position = 0.12, hover_orientation = 0.1;
 
-/// Runs the mission with a period of `dt`. Every cycle ends with `observe(robot, controller, t,
-/// vehicle_velocity)`.
-template <class Observe>
-Result run(const Variant& variant, double dt, Observe observe) {
+/// Where the mission begins.
+inline Pose start(const Variant& variant) {
+  return variant.underactuated ? pose({-3, -1.2, 0.6}, 0.03, 0.02, -0.7)
+                               : pose({-3, -1.2, 0.6}, 0.25, -0.2, -0.7);
+}
+/// Columns that are not actuated: none, or roll and pitch.
+inline icat::Columns given(const Variant& variant) {
+  return variant.underactuated ? icat::ColumnRange{10, 2} : icat::ColumnRange{};
+}
+
+/// Runs the mission on `back_end` with a period of `dt`. Every cycle ends with `observe(robot,
+/// controller, t, vehicle_velocity)`.
+template <icat::BackEnd<Robot> BackEnd, class Observe>
+Result run(const Variant& variant, double dt, BackEnd& back_end, Observe observe) {
   Robot robot = make_robot();
   const icat::FrameId vehicle = robot.base(), tool = robot.frame("tool"),
                       camera = robot.frame("camera");
@@ -162,22 +173,13 @@ Result run(const Variant& variant, double dt, Observe observe) {
   }
 
   //! [controller]
-  icat::Columns given;
-  if (variant.underactuated) given = icat::ColumnRange{10, 2};  // roll and pitch
   const icat::Controller<Robot>::Options options{
-      .given = given,
+      .given = given(variant),
       .solver = {.bounds = support::velocity_bounds(0.5, 0.5, 0.4)},
       .characteristic_length = 1};  // rows as in the paper
   icat::ParallelController controller(robot, actions, options);
   //! [controller]
   icat::Controller whole_body(robot, actions, options);  // without compensation: TPIK 1 alone
-
-  icat::KinematicPlant<Robot> plant(
-      robot, {.q = support::folded_arm(),
-              .base = variant.underactuated ? pose({-3, -1.2, 0.6}, 0.03, 0.02, -0.7)
-                                            : pose({-3, -1.2, 0.6}, 0.25, -0.2, -0.7),
-              .not_actuated = given,
-              .current = variant.current ? support::sinusoidal_current : nullptr});
 
   Result result;
   std::vector<icat::Task<Robot>*> watched;
@@ -211,11 +213,12 @@ Result run(const Variant& variant, double dt, Observe observe) {
 
   support::Recorder recorder(robot, tool, tool, camera, pipe_centre, manipulability);
   Sample s;  // of the present cycle
+  icat::RobotState<Robot> state(robot);
   const auto measure = [&](double t) {
     s.t = t;
     s.action = controller.action();
     recorder.record(variant.compensation ? controller.velocity() : whole_body.velocity(),
-                    plant.velocity().tail<6>(), s);
+                    state.velocity.tail<6>(), s);
     const Pose goal = s.action == "lift" ? lift_goal() : grasp_goal();
     const auto error = support::distance(goal, s.tool),
                hover = support::distance(hover_goal(), s.vehicle);
@@ -280,15 +283,19 @@ Result run(const Variant& variant, double dt, Observe observe) {
   //! [loop]
   for (int cycle = 0; status == icat::Status::ok; ++cycle) {
     const double t = cycle * dt;
-    status = robot.update(plant.q(), plant.base());
+    status = back_end.read(t, state);
+    if (status == icat::Status::ok) status = robot.update(state.q, state.base);
     if (status != icat::Status::ok) break;
-    status = controller.step(t, Vector6(plant.velocity().tail<6>()));
+    status = controller.step(t, Vector6(state.velocity.tail<6>()));
     if (status == icat::Status::ok && !variant.compensation) {
-      status = whole_body.step(t, plant.velocity());
+      status = whole_body.step(t, state.velocity);
     }
-    plant.step(variant.compensation ? controller.command() : whole_body.command(), t, dt);
+    if (status == icat::Status::ok) {
+      status =
+          back_end.write(t, variant.compensation ? controller.command() : whole_body.command());
+    }
     //! [loop]
-    observe(robot, controller, t, Vector6(plant.velocity().tail<6>()));
+    observe(robot, controller, t, Vector6(state.velocity.tail<6>()));
     measure(t);
     result.largest_step = std::max(result.largest_step, (s.command - last).norm());
     last = s.command;
@@ -329,6 +336,18 @@ Result run(const Variant& variant, double dt, Observe observe) {
     if (w.left || !w.entered) result.violations.push_back(w.name);
   }
   return result;
+}
+/// The same without dynamics.
+template <class Observe>
+Result run(const Variant& variant, double dt, Observe observe) {
+  const Robot robot = make_robot();
+  icat::KinematicPlant<Robot> plant(
+      robot, {.q = support::folded_arm(),
+              .base = start(variant),
+              .not_actuated = given(variant),
+              .current = variant.current ? support::sinusoidal_current : nullptr});
+  icat::PlantBackEnd back_end(robot, plant);
+  return run(variant, dt, back_end, observe);
 }
 inline Result run(const Variant& variant, double dt = 0.01) {
   return run(variant, dt, [](const auto&...) {});

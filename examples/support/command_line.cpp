@@ -7,7 +7,8 @@
 namespace support {
 
 CommandLine parse(int argc, char** argv, const char* description, const char* output,
-                  const std::vector<std::string>& variants, Flag flag) {
+                  const std::vector<std::string>& variants, Flag flag,
+                  const std::vector<Option>& options) {
   CommandLine line;
   line.output = output;
   bool no_pictures = false;
@@ -19,6 +20,10 @@ CommandLine parse(int argc, char** argv, const char* description, const char* ou
     app.add_option("--variant", line.variant, "run this one alone")->check(CLI::IsMember(variants));
   }
   if (flag.name) app.add_flag(flag.name, line.extended, flag.help);
+  for (const Option& o : options) {
+    CLI::Option* option = app.add_option(o.name, *o.value, o.help)->capture_default_str();
+    if (!o.choices.empty()) option->check(CLI::IsMember(o.choices));
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -22,9 +22,18 @@ struct Flag {
   const char* help = nullptr;
 };
 
+/// An example's own option with a value; what it holds before is the default.
+struct Option {
+  const char* name;
+  const char* help;
+  std::string* value;
+  std::vector<std::string> choices = {};  ///< none: anything
+};
+
 /// Ends the program for --help (0) or a bad command line (not 0). `--variant` exists where there
 /// are `variants`.
 CommandLine parse(int argc, char** argv, const char* description, const char* output,
-                  const std::vector<std::string>& variants = {}, Flag flag = {});
+                  const std::vector<std::string>& variants = {}, Flag flag = {},
+                  const std::vector<Option>& options = {});
 
 }  // namespace support

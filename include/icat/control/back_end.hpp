@@ -1,19 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
 /// A back-end moves a robot: a simulation, drives on a bus, an autopilot. It has three calls, and
-/// the caller owns the loop, the clock and the thread:
+/// the caller owns the loop, the clock and the thread.
 ///
-///     read(time, state)      takes what has come until `time`; never waits. What has not come
-///     leaves
-///                            the state as it was; `state.time` is when the oldest part of it was
-///                            measured
-///     write(time, command)   the velocity ẏ from now on, until the next one
-///     healthy(time)          the robot can be trusted with a command: all parts of it are there,
-///                            work, and were heard of lately
+/// - `read(time, state)` takes what has come until `time` and never waits. What has not come leaves
+///   the state as it was; `state.time` is when the oldest part of it was measured.
+/// - `write(time, command)`: the velocity ẏ from now on, until the next one.
+/// - `healthy(time)`: the robot can be trusted with a command. All parts of it are there, work, and
+///   were heard of lately.
 ///
 /// A cycle reads, asks whether all is well, steps the controller and writes what it commands. When
-/// the back-end is not healthy the caller stops the controller and goes on writing: what stops the
-/// robot when nobody writes any more is the back-end's own, and its documentation says how.
+/// the back-end is not healthy the caller stops the controller and goes on writing: a phase without
+/// action in the table of a mission does that (docs/hardware.md). What stops the robot when nobody
+/// writes any more is the back-end's own, and its documentation says how.
 #pragma once
 
 #include <concepts>
