@@ -118,13 +118,14 @@ class JointStates {
   /// Of the i-th joint: the last sample, and when it came.
   const Received<JointSample>& operator[](std::size_t i) const noexcept { return samples_[i]; }
   /// Of the joint that was heard of least lately, s at `now`; infinite until all were heard of, and
-  /// where `now` is NaN. Not below 0.
+  /// where `now` is NaN. A sample from after `now` is as old as it is early: where the caller's
+  /// clock was set back, nothing looks fresh for it.
   double age(double now) const noexcept {
     double oldest = 0;
     for (const auto& sample : samples_) {
-      const double age = sample.age(now);
-      if (!(age <= oldest)) oldest = age;
-      if (std::isnan(oldest)) return std::numeric_limits<double>::infinity();
+      const double age = std::abs(sample.age(now));
+      if (std::isnan(age)) return std::numeric_limits<double>::infinity();
+      if (age > oldest) oldest = age;
     }
     return oldest;
   }

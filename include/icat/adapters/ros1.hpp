@@ -160,11 +160,12 @@ class Ros1 final : private detail::ros1::Listener {
   /// not count.
   const Received<Status>& refused() const noexcept { return refused_; }
 
-  /// The node runs, and all joints and the odometry were heard of within `max_age`.
+  /// The node runs, and all joints and the odometry were heard of within `max_age`. Where the
+  /// caller's clock was set back by more than that, nothing was until it is heard of again.
   bool healthy(double now) const noexcept {
     return link_->running() &&
            (options_.joint_states.empty() || joints_.age(now) <= options_.max_age) &&
-           (options_.odometry.empty() || odometry_.fresh(now, options_.max_age));
+           (options_.odometry.empty() || std::abs(odometry_.age(now)) <= options_.max_age);
   }
 
   /// Sends a velocity of the base, on the base, in the frame of ROS. Anything but `ok` sends zero

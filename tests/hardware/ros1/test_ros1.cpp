@@ -90,11 +90,17 @@ TEST(Ros1Construction, SaysThatThereIsNoMaster) {
   EXPECT_LT(now() - start, 2);
 }
 
-TEST_F(Ros1Test, LeavesSigintToTheCaller) {
-  Ros1 ros(joint_names, below("/sigint"));
+// The first one of the process: its arguments hold for all.
+TEST_F(Ros1Test, LeavesSigintToTheCallerAndRenamesTopics) {
+  Ros1Options options = below("/first");
+  options.arguments = {"program", "--other", "/first/joint_states:=/renamed/joint_states",
+                       "/first/odom:=/renamed/odom"};
+  Ros1 ros(joint_names, options);
   struct sigaction action {};
   ASSERT_EQ(::sigaction(SIGINT, nullptr, &action), 0);
   EXPECT_EQ(action.sa_handler, SIG_DFL);
+  Process peer(robot("echo", "/renamed"));
+  EXPECT_TRUE(receive_until(ros, 30, [&] { return ros.healthy(now()); }));
 }
 
 TEST_F(Ros1Test, RefusesNamesThatRosDoesNotTake) {
@@ -419,8 +425,10 @@ TEST_F(Ros1Test, ANodeThatIsShutDownIsNotHealthy) {
   Process peer(robot("echo", "/usurped"));
   ASSERT_TRUE(ready(ros));
   Process usurper({ICAT_PEERS "/robot.py", "usurp"});
-  ASSERT_TRUE(receive_until(ros, 30, [&] { return !ros.healthy(now()); }));
-  EXPECT_EQ(ros.write_twist({1, 0, 0, 0, 0, 0}, now()), Status::not_started);
+  ASSERT_TRUE(receive_until(ros, 30, [&] {
+    return ros.write_twist({0.1, 0, 0, 0, 0, 0}, now()) == Status::not_started;
+  }));
+  EXPECT_FALSE(ros.healthy(now()));
   EXPECT_EQ(ros.write_joint_velocities(std::array{0.1, 0.1, 0.1}, now()), Status::not_started);
   ros.stop();
   EXPECT_FALSE(ready(ros, 1));
