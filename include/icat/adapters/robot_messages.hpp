@@ -40,8 +40,8 @@ using Twist = std::array<double, 6>;
 /// The order of what one sender stamps. What is not newer than the last that was taken is doubled
 /// or late, and dropped. A stamp that is older by more than `set_back` is that of a clock that was
 /// set back, or of a sender that began anew, once a second one, newer than it, confirms it: a clock
-/// that leaps ahead for one message costs two, not all that follow. (A smaller leap heals itself:
-/// the stamps overtake it within `set_back`.) Copies, no allocation.
+/// that leaps ahead for one message costs the message after it, not all that follow. (A smaller
+/// leap heals itself: the stamps overtake it within `set_back`.) Copies, no allocation.
 class StampOrder {
  public:
   /// s: farther than this a message does not fall behind another on its way.

@@ -143,7 +143,7 @@ TEST_F(Ros1Test, BadMessagesLeaveTheGoodOnes) {
   EXPECT_EQ(ros.odometry().count, 1u);
   EXPECT_EQ(ros.odometry().value.position[0], 1);
   EXPECT_EQ(ros.odometry().value.orientation[3], 1);
-  // 8 of joints and 7 of odometry that parse, less nothing; noise adds some.
+  // 8 of joints and 7 of odometry that parse and are wrong, and what of the noise parses.
   EXPECT_GE(ros.refused().count, 15u);
   EXPECT_FALSE(ros.healthy(now()));
 }

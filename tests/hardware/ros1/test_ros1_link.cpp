@@ -275,6 +275,7 @@ TEST(Ros1, RefusesBadSettings) {
     EXPECT_THROW(icat::Ros1({"a"}, {.max_age = bad}), std::invalid_argument);
     EXPECT_THROW(icat::Ros1({"a"}, {.master_timeout = bad}), std::invalid_argument);
   }
+  EXPECT_THROW(icat::Ros1({"a"}, {.master_timeout = 1e10}), std::invalid_argument);
   EXPECT_THROW(icat::Ros1({"a"}, {.queue = 0}), std::invalid_argument);
   EXPECT_THROW(icat::Ros1({"a"}, {.joint_states = "", .odometry = ""}), std::invalid_argument);
   FakeLink::refusal = "no master";
