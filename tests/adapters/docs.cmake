@@ -1,4 +1,5 @@
-# The lines of CMake in docs/adapters.md and the pages of single adapters are those that the tests are built with.
+# The lines of CMake in docs/adapters.md, and in the pages of adapters that have one of their own, are
+# those that the tests are built with.
 # cmake -DSOURCE_DIR=... -P docs.cmake
 cmake_minimum_required(VERSION 3.22)
 foreach(adapter urdf kdl mujoco pinocchio ros1)

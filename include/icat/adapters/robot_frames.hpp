@@ -18,9 +18,17 @@ constexpr Twist other_base(const Twist& twist) noexcept {
   return {twist[0], -twist[1], -twist[2], twist[3], -twist[4], -twist[5]};
 }
 
-/// The same pose and velocity in the other world, of the other base. Only where the world of the
-/// odometry has its x to the east (and gets one with x to the north), which odometry that begins at
-/// 0 where the robot stands has not: there `other_base` of a world turns it. No allocation.
+/// The same pose and velocity where the world is turned over, too, half a turn about its x: for
+/// odometry whose world begins where the robot does, as most does, so that its x has no direction
+/// of the compass. No allocation.
+constexpr Odometry other_base(const Odometry& odometry) noexcept {
+  const auto& p = odometry.position;
+  const auto& q = odometry.orientation;
+  return {{p[0], -p[1], -p[2]}, {q[0], -q[1], -q[2], q[3]}, other_base(odometry.twist)};
+}
+
+/// The same pose and velocity between a world with x to the east and z up and one with x to the
+/// north and z down, and on the other base. No allocation.
 inline Odometry other_world(const Odometry& odometry) noexcept {
   const auto& p = odometry.position;
   const auto& q = odometry.orientation;

@@ -40,8 +40,8 @@ using Twist = std::array<double, 6>;
 /// The order of what one sender stamps. What is not newer than the last that was taken is doubled
 /// or late, and dropped. A stamp that is older by more than `set_back` is that of a clock that was
 /// set back, or of a sender that began anew, once a second one, newer than it, confirms it: a clock
-/// that leaps ahead for one message costs two, not all that follow. (A smaller leap heals itself:
-/// the stamps overtake it within `set_back`.) Copies, no allocation.
+/// that leaps ahead for one message costs the message after it, not all that follow. (A smaller
+/// leap heals itself: the stamps overtake it within `set_back`.) Copies, no allocation.
 class StampOrder {
  public:
   /// s: farther than this a message does not fall behind another on its way.
@@ -118,13 +118,14 @@ class JointStates {
   /// Of the i-th joint: the last sample, and when it came.
   const Received<JointSample>& operator[](std::size_t i) const noexcept { return samples_[i]; }
   /// Of the joint that was heard of least lately, s at `now`; infinite until all were heard of, and
-  /// where `now` is NaN. Not below 0.
+  /// where `now` is NaN. A sample from after `now` is as old as it is early: where the caller's
+  /// clock was set back, nothing looks fresh for it.
   double age(double now) const noexcept {
     double oldest = 0;
     for (const auto& sample : samples_) {
-      const double age = sample.age(now);
-      if (!(age <= oldest)) oldest = age;
-      if (std::isnan(oldest)) return std::numeric_limits<double>::infinity();
+      const double age = std::abs(sample.age(now));
+      if (std::isnan(age)) return std::numeric_limits<double>::infinity();
+      if (age > oldest) oldest = age;
     }
     return oldest;
   }

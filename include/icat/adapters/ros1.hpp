@@ -51,7 +51,7 @@ struct Ros1Options {
   bool stamped = true;
   double max_age = 0.2;    ///< s: what comes in is older, the robot is not healthy
   std::size_t queue = 64;  ///< messages of a topic between two calls of `receive`; the newest stay
-  double master_timeout = 5;  ///< s: longest wait for each answer of the master in the constructor
+  double master_timeout = 5;  ///< s, up to 3600: longest wait for each answer of the master
 };
 
 namespace detail::ros1 {
@@ -114,16 +114,20 @@ inline Status take(const OdometryView& message, Received<Odometry>& odometry, St
 class Ros1 final : private detail::ros1::Listener {
  public:
   /// Starts the node of this process, if it is the first (its name, master and arguments hold for
-  /// all), and opens the topics. SIGINT stays the caller's; roscpp ignores SIGPIPE. The node lives
-  /// until the process ends, the topics as long as this object.
+  /// all, even where no master answered it), and opens the topics. SIGINT stays the caller's;
+  /// roscpp ignores SIGPIPE. The node lives until the process ends, the topics as long as this
+  /// object.
   /// @param joints the robot's joints, in its order, by the names of the joint states
   /// @param options names and limits
-  /// @throws std::invalid_argument on a bad list of joints, no topic at all, a number that is not
-  ///   above 0, a name that ROS does not take, where no master answers. Allocates.
+  /// @throws std::invalid_argument on a bad list of joints, no topic at all, a number out of its
+  ///   range, a name that ROS does not take, where no master answers. Allocates.
   [[gnu::cold]] explicit Ros1(std::vector<std::string> joints, Ros1Options options = {})
       : options_(std::move(options)), joints_(std::move(joints)), zeros_(joints_.size()) {
     detail::require_positive("ROS 1", "max_age", options_.max_age);
     detail::require_positive("ROS 1", "master_timeout", options_.master_timeout);
+    if (options_.master_timeout > 3600) {
+      detail::invalid("ROS 1: master_timeout must be at most 3600, got ", options_.master_timeout);
+    }
     if (options_.queue == 0 || options_.queue > 100000) {
       detail::invalid("ROS 1: queue must be from 1 to 100000, got ", options_.queue);
     }
@@ -160,11 +164,12 @@ class Ros1 final : private detail::ros1::Listener {
   /// not count.
   const Received<Status>& refused() const noexcept { return refused_; }
 
-  /// The node runs, and all joints and the odometry were heard of within `max_age`.
+  /// The node runs, and all joints and the odometry were heard of within `max_age`. Where the
+  /// caller's clock was set back by more than that, nothing was until it is heard of again.
   bool healthy(double now) const noexcept {
     return link_->running() &&
            (options_.joint_states.empty() || joints_.age(now) <= options_.max_age) &&
-           (options_.odometry.empty() || odometry_.fresh(now, options_.max_age));
+           (options_.odometry.empty() || std::abs(odometry_.age(now)) <= options_.max_age);
   }
 
   /// Sends a velocity of the base, on the base, in the frame of ROS. Anything but `ok` sends zero

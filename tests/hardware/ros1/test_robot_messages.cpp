@@ -114,7 +114,7 @@ TEST(JointStates, AnAgeAtNoTimeIsInfinite) {
   EXPECT_EQ(joints.put("b", {}, 1, 5.0), Status::ok);
   EXPECT_EQ(joints.age(nan), infinity);
   EXPECT_EQ(joints.age(infinity), infinity);
-  EXPECT_EQ(joints.age(4.0), 0);
+  EXPECT_EQ(joints.age(4.0), 1);  // the caller's clock was set back
 }
 
 TEST(JointStates, RestartForgetsStampsOnly) {
@@ -171,6 +171,18 @@ TEST(RobotFrames, TheSameArrowInTheOtherWorld) {
       EXPECT_NEAR(back.orientation[i], enu.orientation[i], 1e-15);
     }
   }
+  // Two worlds that begin where the robot does.
+  icat::Odometry up;
+  up.position = {1, 2, 3};
+  up.orientation = {0.1, 0.5, -0.5, 0.7};
+  up.twist = {1, 2, 3, 4, 5, 6};
+  const icat::Odometry down = icat::other_base(up);
+  const auto v = rotated(up.orientation, {1, 2, 3}), w = rotated(down.orientation, {1, -2, -3});
+  EXPECT_EQ(down.position, (std::array<double, 3>{1, -2, -3}));
+  EXPECT_EQ(down.twist, (icat::Twist{1, -2, -3, 4, -5, -6}));
+  EXPECT_NEAR(w[0], v[0], 1e-15);
+  EXPECT_NEAR(w[1], -v[1], 1e-15);
+  EXPECT_NEAR(w[2], -v[2], 1e-15);
   // A vehicle that looks to the north, level: ENU's yaw of 90 degrees is NED's yaw of 0.
   icat::Odometry north;
   north.orientation = {0, 0, std::sqrt(0.5), std::sqrt(0.5)};

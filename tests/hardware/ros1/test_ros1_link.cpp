@@ -204,6 +204,16 @@ TEST_F(Ros1Link, ACommandNeedsAHealthyRobot) {
   EXPECT_EQ(fake.twist, icat::Twist{});
 }
 
+TEST_F(Ros1Link, ACallersClockThatIsSetBackMakesNothingFresh) {
+  all_is_well(1000);
+  EXPECT_FALSE(ros.healthy(5));
+  EXPECT_EQ(put(view(2001), 5), Status::ok);
+  EXPECT_FALSE(ros.healthy(5));
+  base.stamp = 2001;
+  EXPECT_EQ(put(base, 5), Status::ok);
+  EXPECT_TRUE(ros.healthy(5));
+}
+
 TEST_F(Ros1Link, ABadCommandIsZero) {
   all_is_well(5);
   EXPECT_EQ(ros.write_twist({1, nan, 0, 0, 0, 0}, 5), Status::non_finite);
@@ -265,6 +275,7 @@ TEST(Ros1, RefusesBadSettings) {
     EXPECT_THROW(icat::Ros1({"a"}, {.max_age = bad}), std::invalid_argument);
     EXPECT_THROW(icat::Ros1({"a"}, {.master_timeout = bad}), std::invalid_argument);
   }
+  EXPECT_THROW(icat::Ros1({"a"}, {.master_timeout = 1e10}), std::invalid_argument);
   EXPECT_THROW(icat::Ros1({"a"}, {.queue = 0}), std::invalid_argument);
   EXPECT_THROW(icat::Ros1({"a"}, {.joint_states = "", .odometry = ""}), std::invalid_argument);
   FakeLink::refusal = "no master";
