@@ -4,6 +4,7 @@
 /// the value before, whose age says so.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <limits>
 
@@ -25,8 +26,9 @@ struct Received {
   }
   /// s at `now`; infinite before the first value.
   double age(double now) const noexcept { return now - time; }
-  /// Whether there is a value that is at most `limit` old, s, at `now`. False where either is NaN.
-  bool fresh(double now, double limit) const noexcept { return age(now) <= limit; }
+  /// Whether there is a value at most `limit` away from `now`, s: one from after `now`, which a clock
+  /// that was set back leaves, is as doubtful as an old one. False where either is NaN.
+  bool fresh(double now, double limit) const noexcept { return std::abs(age(now)) <= limit; }
 };
 
 }  // namespace icat
