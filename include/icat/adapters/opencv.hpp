@@ -10,8 +10,11 @@
 ///     3. straight contours: the border of the region votes for directed lines (θ, ρ), the object
 ///        on their positive side; two that face each other are the long contours, a short one
 ///        across them, with all of the pipe on its positive side, an end
-///     4. each line again at full resolution: along normals to it, where (R + G)/2 − B rises most,
-///        to parts of a pixel; least squares without what is far off
+///     4. each long contour again at full resolution, to parts of a pixel (opencv_edges.hpp); of an
+///        end, half an ellipse, the line through the two points where the long contours touch it
+///
+/// That line passes the centre of the end at r²/D, with D the distance of the pipe: the origin of a
+/// `CylinderPose` is better than its `rim_error`, which is meant for a line through the whole rim.
 ///
 /// A picture is undistorted before, and a pixel has its centre at whole numbers, as OpenCV's
 /// calibration has it. All buffers of this file keep their size from construction on; OpenCV's own
@@ -25,6 +28,7 @@
 #include <span>
 #include <vector>
 
+#include "icat/adapters/opencv_edges.hpp"
 #include "icat/core/error.hpp"
 #include "icat/core/status.hpp"
 #include "icat/perception/cylinder_contours.hpp"
@@ -43,7 +47,7 @@ struct PipeContoursOptions {
   double min_length = 60;        ///< of each long contour, px, > 0
   double max_convergence = 0.4;  ///< angle between the long contours, rad, in (0, 1)
   double min_support = 0.5;      ///< share of a line that must have an edge, in (0, 1]
-  double min_contrast = 8;       ///< of an edge in (R + G)/2 − B, grey levels, > 0
+  double min_contrast = 8;       ///< of an edge, levels of yellow (opencv_edges.hpp), > 0
   double mask_margin = 6;        ///< the mask of the arm grows by it, px, >= 0
   double deviation = 0.25;  ///< that all points of a line share, px, > 0: blur, shade, calibration
 };
@@ -155,11 +159,6 @@ class PipeContours {
   const PipeContoursOptions& options() const noexcept { return o_; }
 
  private:
-  struct Sample {
-    double along, across;
-    bool taken;
-  };
-
   // A pixel of half resolution covers four: its centre is between theirs.
   static double to_half(double x) noexcept { return (x - 0.5) / 2; }
   static double to_full(double x) noexcept { return 2 * x + 0.5; }
@@ -232,13 +231,14 @@ class PipeContours {
       }
     }
     if (!first) return false;
-    if (!add(bgr, *first, ContourKind::edge) || !add(bgr, *second, ContourKind::edge)) {
+    const detail::EdgePicture picture{bgr, masked_ ? mask_ : none_, gains_, o_.min_contrast};
+    if (!add_edge(picture, *first) || !add_edge(picture, *second)) {
       count_ = 0;
       return false;
     }
     for (std::size_t i = 0; i < border_.size() && count_ < most; ++i) {
       const DirectedLine& c = border_[i];
-      if (&c != first && &c != second && ends(c, *first, *second)) add(bgr, c, ContourKind::end);
+      if (&c != first && &c != second && ends(c, *first, *second)) (void)add_end(picture, c);
     }
     return true;
   }
@@ -273,116 +273,103 @@ class PipeContours {
     return true;
   }
 
-  // (R + G)/2 − B after the grey world, between pixels.
-  double chroma(const cv::Mat& bgr, double u, double v) const noexcept {
-    const int i = static_cast<int>(u), j = static_cast<int>(v);
-    const double a = u - i, b = v - j;
-    const cv::Vec3b* const top = bgr.ptr<cv::Vec3b>(j) + i;
-    const cv::Vec3b* const low = bgr.ptr<cv::Vec3b>(j + 1) + i;
-    double sum = 0;
-    for (int c = 0; c < 3; ++c) {
-      const double value = (1 - b) * ((1 - a) * top[0][c] + a * top[1][c]) +
-                           b * ((1 - a) * low[0][c] + a * low[1][c]);
-      sum += (c == 0 ? -1 : 0.5) * gains_[static_cast<std::size_t>(c)] * value;
+  // A long contour at full resolution. False where too little of it is an edge.
+  bool add_edge(const detail::EdgePicture& picture, const DirectedLine& c) noexcept {
+    const double low = 2 * c.low + 6, high = 2 * c.high - 6, middle = (low + high) / 2;
+    if (!(high - low >= o_.min_length)) return false;
+    const double u = to_full(middle_x() + c.x(middle / 2));
+    const double v = to_full(middle_y() + c.y(middle / 2));
+    samples_.clear();
+    int asked = 0;
+    for (double s = low - middle; s <= high - middle; s += 2) {
+      const double x = u - s * c.ny, y = v + s * c.nx;
+      double across = 0;
+      if (!picture.open(x, y)) continue;
+      ++asked;
+      if (samples_.size() < samples_.capacity() && picture.edge(x, y, c.nx, c.ny, 6, across)) {
+        samples_.push_back({s, across, 0});
+      }
     }
-    return sum;
-  }
-
-  // Where the chroma rises most along the normal at (u, v). False where it does not, or outside.
-  bool edge_at(const cv::Mat& bgr, const DirectedLine& c, double u, double v,
-               double& across) const noexcept {
-    constexpr int reach = 6, wing = 2;
-    std::array<double, 2 * (reach + wing) + 1> profile;
-    for (int k = -reach - wing; k <= reach + wing; ++k) {
-      const double x = u + k * c.nx, y = v + k * c.ny;
-      if (!(x >= 0 && y >= 0 && x < size_.width - 1 && y < size_.height - 1)) return false;
-      profile[static_cast<std::size_t>(k + reach + wing)] = chroma(bgr, x, y);
-    }
-    const auto rise = [&](int k) {
-      const double* const p = &profile[static_cast<std::size_t>(k + reach + wing)];
-      return (p[2] + p[1] - p[-1] - p[-2]) / 2;
+    detail::EdgeFit fit;
+    if (!fit.fit(samples_, false, 0.7) || fit.count < o_.min_support * asked) return false;
+    const auto point = [&](double s) {
+      const double across = fit.offset + fit.slope * s;
+      return Pixel<double>(u - s * c.ny + across * c.nx, v + s * c.nx + across * c.ny);
     };
-    int best = -reach;
-    for (int k = -reach; k <= reach; ++k) {
-      if (rise(k) > rise(best)) best = k;
-    }
-    if (std::abs(best) == reach || rise(best) < o_.min_contrast) return false;
-    const double before = rise(best - 1), at = rise(best), after = rise(best + 1);
-    const double bend = before - 2 * at + after;
-    across = best + (bend < 0 ? 0.5 * (before - after) / bend : 0);
+    put(ContourKind::edge, point(low - middle), point(high - middle), c.nx, c.ny, point(0), fit);
     return true;
   }
 
-  // At full resolution. False where too little of the line is an edge.
-  bool add(const cv::Mat& bgr, const DirectedLine& c, ContourKind kind) noexcept {
-    const bool end = kind == ContourKind::end;
-    const double low = 2 * c.low + (end ? 0 : 6), high = 2 * c.high - (end ? 0 : 6);
+  // An end: half an ellipse between the long contours. The line through its two outermost points.
+  bool add_end(const detail::EdgePicture& picture, const DirectedLine& c) noexcept {
     const double u0 = to_full(middle_x() + c.x(0)), v0 = to_full(middle_y() + c.y(0));
+    // Where the line c meets the long contours, along it; e: their direction, into the pipe.
+    std::array<double, 2> met{};
+    double ex = 0, ey = 0;
+    for (std::size_t k = 0; k < 2; ++k) {
+      const ContourLine<double>& l = lines_[k];
+      const double nx = std::cos(l.theta), ny = std::sin(l.theta);
+      const double steep = -nx * c.ny + ny * c.nx;
+      if (std::abs(steep) < 0.3) return false;
+      met[k] = -l.distance({u0, v0}) / steep;
+      const double sign = -ny * c.nx + nx * c.ny > 0 ? 1 : -1;
+      ex -= sign * ny, ey += sign * nx;
+    }
+    const double length = std::hypot(ex, ey), width = std::abs(met[1] - met[0]);
+    const double middle = (met[0] + met[1]) / 2;
+    if (!(length > 1) || !(width > 8)) return false;
+    ex /= length, ey /= length;
+    const double u = u0 - middle * c.ny, v = v0 + middle * c.nx;
+    const int reach = std::clamp(cvRound(0.4 * width), 8, detail::EdgePicture::farthest);
+    constexpr int count = 48;
     samples_.clear();
     int asked = 0;
-    for (double s = low; s <= high && samples_.size() < samples_.capacity(); s += 2) {
-      const double u = u0 - s * c.ny, v = v0 + s * c.nx;
-      const cv::Point p(cvRound(to_half(u)), cvRound(to_half(v)));
-      if (!cv::Rect(cv::Point(), half_size_).contains(p)) continue;
-      if (masked_ && mask_.at<unsigned char>(p)) continue;
-      ++asked;
+    for (int k = 0; k < count; ++k) {
+      const double angle = (k + 0.5) * CV_PI / count, s = -std::cos(angle) * width / 2;
+      if (width / 2 - std::abs(s) < 2.5) continue;  // the long contour is too near
+      const double x = u - s * c.ny, y = v + s * c.nx;
       double across = 0;
-      if (edge_at(bgr, c, u, v, across)) samples_.push_back({s, across, true});
-    }
-    // across = offset + slope (along − mean); a rim is curved, so what is far off it is its own.
-    double offset = 0, slope = 0, mean = 0, spread = 0, square = 0;
-    int n = 0;
-    for (int round = 0; round < 4; ++round) {
-      double sy = 0, sxy = 0;
-      mean = spread = square = 0, n = 0;
-      for (const Sample& p : samples_) {
-        if (p.taken) ++n, mean += p.along, sy += p.across;
+      if (!picture.open(x, y)) continue;
+      ++asked;
+      if (picture.edge(x, y, ex, ey, reach, across)) {
+        samples_.push_back({s, across, std::sin(angle)});
       }
-      if (n < 8) return false;
-      mean /= n, offset = sy / n;
-      for (const Sample& p : samples_) {
-        if (!p.taken) continue;
-        const double x = p.along - mean;
-        spread += x * x, sxy += x * p.across;
-      }
-      if (!(spread > 0)) return false;
-      slope = sxy / spread;
-      const auto residual = [&](const Sample& p) {
-        return p.across - offset - slope * (p.along - mean);
-      };
-      for (const Sample& p : samples_) square += p.taken ? residual(p) * residual(p) : 0;
-      square /= n - 2;
-      if (round == 3) break;
-      const double gate = std::max(end ? 2.0 : 0.7, 2.5 * std::sqrt(square));
-      for (Sample& p : samples_) p.taken = std::abs(residual(p)) < gate;
     }
-    if (n < o_.min_support * asked) return false;
-    const double length = high - low;
-    if (!end && length < o_.min_length) return false;
-
-    // Back to (θ, ρ): the line through the two ends of what was seen, moved across.
+    detail::EdgeFit fit;
+    if (asked < count / 3 || !fit.fit(samples_, true, 1.5) || fit.count < o_.min_support * asked ||
+        std::abs(fit.height) > width) {
+      return false;
+    }
     const auto point = [&](double s) {
-      const double across = offset + slope * (s - mean);
-      return Pixel<double>(u0 - s * c.ny + across * c.nx, v0 + s * c.nx + across * c.ny);
+      const double across = fit.offset + fit.slope * s;
+      return Pixel<double>(u - s * c.ny + across * ex, v + s * c.nx + across * ey);
     };
-    ContourSegment<double> segment;
-    segment.from = point(low), segment.to = point(high);
-    segment.line = line_through<double>(segment.from, segment.to, {c.nx, c.ny}, 1);
-    // Samples 2 px apart share pixels: half of them count. What all share adds to both.
+    put(ContourKind::end, point(-width / 2), point(width / 2), ex, ey, point(0), fit);
+    return true;
+  }
+
+  // Back to (θ, ρ), about `middle`, where offset and slope are.
+  void put(ContourKind kind, const Pixel<double>& from, const Pixel<double>& to, double nx,
+           double ny, const Pixel<double>& middle, const detail::EdgeFit& fit) noexcept {
+    ContourSegment<double>& segment = segments_[count_];
+    segment.from = from, segment.to = to;
+    segment.line = line_through<double>(from, to, {nx, ny}, 1);
+    // Samples 2 px apart share pixels: half of them count. `deviation` is that of an end.
+    const double length = std::hypot(to(0) - from(0), to(1) - from(1));
     const double shared = o_.deviation * o_.deviation;
-    const double angle = 2 * square / spread + 12 * shared / (length * length);
-    const double across = 2 * square / n + shared;
-    const Pixel<double> at = point(mean);
-    const double cosine = std::cos(segment.line.theta), sine = std::sin(segment.line.theta);
-    const double t = cosine * at(1) - sine * at(0);  // dρ/dθ there
+    const double angle = 2 * fit.covariance[1][1] + 2 * shared / (length * length);
+    const double across = 2 * fit.covariance[0][0] + shared / 2;
+    const double mixed = 2 * fit.covariance[0][1];
+    const double theta = segment.line.theta;
+    const double t = std::cos(theta) * middle(1) - std::sin(theta) * middle(0);  // dρ/dθ
+    // θ grows as the slope does where the normal is a quarter turn ahead of the line: as here, a
+    // positive slope moves later points along n, which turns n back.
     segment.line.camera = camera_;
     segment.line.kind = kind;
     segment.line.covariance(0, 0) = angle;
-    segment.line.covariance(0, 1) = segment.line.covariance(1, 0) = t * angle;
-    segment.line.covariance(1, 1) = across + t * t * angle;
-    segments_[count_] = segment;
+    segment.line.covariance(0, 1) = segment.line.covariance(1, 0) = t * angle - mixed;
+    segment.line.covariance(1, 1) = across + t * t * angle - 2 * t * mixed;
     lines_[count_++] = segment.line;
-    return true;
   }
 
   cv::Size size_, half_size_;
@@ -390,10 +377,11 @@ class PipeContours {
   PipeContoursOptions o_;
   bool masked_ = false;
   std::array<double, 3> gains_{1, 1, 1};
+  const cv::Mat none_;
   cv::Mat half_, hsv_, region_, mask_, unmasked_, near_mask_, lut_;
   std::vector<std::vector<cv::Point>> contours_;
   DirectedLines border_;
-  std::vector<Sample> samples_;
+  std::vector<detail::EdgeSample> samples_;
   std::size_t count_ = 0;
   std::array<ContourSegment<double>, most> segments_{};
   std::array<ContourLine<double>, most> lines_{};
