@@ -97,14 +97,16 @@ class Renderer {
     z_ = from(camera.linear().col(2));
     const auto area = static_cast<std::size_t>(size.area());
     seen_.resize(area), what_.resize(area);
-    std::size_t k = 0;
-    for (int j = 0; j < size.height; ++j) {
-      for (int i = 0; i < size.width; ++i, ++k) what_[k] = look(rays(i, j), seen_[k]);
-    }
+    cv::parallel_for_(cv::Range(0, size.height), [&](const cv::Range& rows) {
+      for (int j = rows.start; j < rows.end; ++j) {
+        auto k = static_cast<std::size_t>(j * size.width);
+        for (int i = 0; i < size.width; ++i, ++k) what_[k] = look(rays(i, j), seen_[k]);
+      }
+    });
     // Pixels with more than one thing in them: sixteen rays.
     for (int j = 1; j < size.height - 1; ++j) {
       for (int i = 1; i < size.width - 1; ++i) {
-        k = static_cast<std::size_t>(j * size.width + i);
+        const auto k = static_cast<std::size_t>(j * size.width + i);
         const auto w = static_cast<std::size_t>(size.width);
         if (what_[k] == what_[k - 1] && what_[k] == what_[k + 1] && what_[k] == what_[k - w] &&
             what_[k] == what_[k + w]) {

@@ -30,7 +30,7 @@ struct Light {
   double lamps = 0;         ///< of the headlights, at 1 m
   double full_well = 9000;  ///< electrons of level 255: less where gain makes up for light
   double wanted_mean = 85;  ///< of the brightest channel: the exposure
-  std::array<double, 3> balance{2.2, 1, 0.9};  ///< gains of the camera's red, green, blue
+  std::array<double, 3> balance{1.9, 1, 0.9};  ///< gains of the camera's red, green, blue
 };
 
 /// What a ray of one pixel meets.
@@ -53,19 +53,22 @@ class Sensor {
                const Light& light) {
     tabulate(depth, water, light);
     radiance_.create(size, CV_32FC3);
-    for (int j = 0; j < size.height; ++j) {
-      auto* const row = radiance_.ptr<cv::Vec3f>(j);
-      const Surface* s = &seen[static_cast<std::size_t>(j * size.width)];
-      for (int i = 0; i < size.width; ++i, ++s) {
-        const std::size_t r = entry(s->range), d = entry(s->depth);
-        for (std::size_t c = 0; c < 3; ++c) {
-          const Table& t = tables_[c];
-          row[i][static_cast<int>(2 - c)] =
-              float(light.balance[c]) *
-              (s->albedo[c] * (s->sun * t.sun[d] + s->lamp * t.lamp[r]) * t.through[r] + t.veil[r]);
+    cv::parallel_for_(cv::Range(0, size.height), [&](const cv::Range& rows) {
+      for (int j = rows.start; j < rows.end; ++j) {
+        auto* const row = radiance_.ptr<cv::Vec3f>(j);
+        const Surface* s = &seen[static_cast<std::size_t>(j * size.width)];
+        for (int i = 0; i < size.width; ++i, ++s) {
+          const std::size_t r = entry(s->range), d = entry(s->depth);
+          for (std::size_t c = 0; c < 3; ++c) {
+            const Table& t = tables_[c];
+            row[i][static_cast<int>(2 - c)] =
+                float(light.balance[c]) *
+                (s->albedo[c] * (s->sun * t.sun[d] + s->lamp * t.lamp[r]) * t.through[r] +
+                 t.veil[r]);
+          }
         }
       }
-    }
+    });
     // The lens, and light scattered forwards.
     cv::GaussianBlur(radiance_, radiance_, cv::Size(), 0.6 + 0.5 * water.scattering);
     const cv::Scalar mean = cv::mean(radiance_);
@@ -130,15 +133,21 @@ struct Condition {
   Light light;
 };
 
+/// Clear water with what scatters in it, by `scattering` (1/m): it is green.
+inline Water turbid(double scattering) {
+  Water w;
+  w.scattering = scattering;
+  w.absorption = {0.30 + 0.15 * scattering, 0.06 + 0.04 * scattering, 0.04 + 0.15 * scattering};
+  return w;
+}
+constexpr double clear = 0.03;
+
 inline std::array<Condition, 4> conditions() {
   const Light day{}, night{.sun = 0.002, .lamps = 1, .full_well = 4000, .wanted_mean = 60};
-  Water clear, slightly, very;
-  slightly.scattering = 0.7;
-  very.scattering = 2.5;
-  return {{{"day, clear", "day_clear", clear, day},
-           {"night, clear, headlights", "night_clear", clear, night},
-           {"slightly turbid", "slightly_turbid", slightly, day},
-           {"very turbid", "very_turbid", very, day}}};
+  return {{{"day, clear", "day_clear", turbid(clear), day},
+           {"night, clear, headlights", "night_clear", turbid(clear), night},
+           {"slightly turbid", "slightly_turbid", turbid(0.55), day},
+           {"very turbid", "very_turbid", turbid(1.8), day}}};
 }
 
 }  // namespace perception

@@ -195,7 +195,7 @@ class PipeContours {
     border_.clear();
     if (masked_) cv::dilate(mask_, near_mask_, cv::Mat(), cv::Point(-1, -1), 2);
     cv::findContours(region_, contours_, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_NONE);
-    constexpr int reach = 6;
+    constexpr int reach = 5;
     for (const std::vector<cv::Point>& contour : contours_) {
       const int n = static_cast<int>(contour.size());
       if (n < 4 * reach) continue;

@@ -109,7 +109,7 @@ class DirectedLines {
  private:
   static constexpr int angles = 180;
   static constexpr double bin = 2 * std::numbers::pi / angles;  // 2°; a bin of ρ has 2 px
-  static constexpr int fewest_votes = 20, fewest_points = 6;
+  static constexpr int fewest_votes = 14, fewest_points = 6;
 
   void vote(const BorderPoint& p, int weight) noexcept {
     const int first = static_cast<int>(std::lround(std::atan2(p.ny, p.nx) / bin));
