@@ -9,6 +9,8 @@
 
 namespace perception {
 
+inline const Condition clear_day = conditions()[0], clear_night = conditions()[1];
+
 using Pair = std::array<cv::Mat, 2>;  ///< left, right
 
 /// Renders pairs.
@@ -21,21 +23,23 @@ class Rig {
     return {int(k.width), int(k.height)};
   }
 
-  /// What both cameras see, in each of `waters`. `camera` is ⟨c⟩ in ⟨0⟩.
-  template <class Waters>
-  std::vector<Pair> take(const Pool& pool, const Pose& camera, const Waters& waters,
-                         const Light& light = {}) {
-    std::vector<Pair> pairs(waters.size());
+  /// What both cameras see, under each of `conditions`. `camera` is ⟨c⟩ in ⟨0⟩.
+  std::vector<Pair> take(const Pool& pool, const Pose& camera,
+                         std::span<const Condition> conditions) {
+    std::vector<Pair> pairs(conditions.size());
     for (std::size_t k = 0; k < 2; ++k) {
       const auto& seen = renderer_.render(pool, camera * cameras_[k].pose, size(cameras_[k]),
                                           PinholeRays(cameras_[k]));
       std::size_t i = 0;
-      for (const Water& water : waters) {
+      for (const Condition& c : conditions) {
         pairs[i++][k] =
-            sensor_.take(seen, size(cameras_[k]), camera.translation().z(), water, light);
+            sensor_.take(seen, size(cameras_[k]), camera.translation().z(), c.water, c.light);
       }
     }
     return pairs;
+  }
+  Pair take(const Pool& pool, const Pose& camera, const Condition& condition = clear_day) {
+    return take(pool, camera, std::span(&condition, 1))[0];
   }
 
  private:
@@ -97,7 +101,7 @@ inline PoseError error_of(const icat::CylinderMeasurement<double>& found, const 
   const double along = d.dot(off);
   // Of the found axis, beside the middle of the true one.
   const Vector3 at = off - (along / d.dot(e)) * e;
-  return {at.norm(), std::abs(along), std::acos(std::min(1.0, std::abs(d.dot(e))))};
+  return {at.norm(), std::abs(along), std::asin(std::min(1.0, d.cross(e).norm()))};
 }
 
 inline Vector3 gravity_on(const Pose& camera) {

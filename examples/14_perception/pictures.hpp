@@ -38,9 +38,9 @@ inline void draw_line(cv::Mat& picture, const icat::ContourLine<double>& line, c
   if (cv::clipLine(picture.size(), a, b)) cv::line(picture, a, b, color, 3, cv::LINE_AA);
 }
 inline void draw_segment(cv::Mat& picture, const icat::ContourSegment<double>& segment,
-                         cv::Scalar color) {
+                         cv::Scalar color, int width = 3) {
   cv::line(picture, {cvRound(segment.from(0)), cvRound(segment.from(1))},
-           {cvRound(segment.to(0)), cvRound(segment.to(1))}, color, 3, cv::LINE_AA);
+           {cvRound(segment.to(0)), cvRound(segment.to(1))}, color, width, cv::LINE_AA);
 }
 
 inline void write_title(cv::Mat& picture, const std::string& text) {

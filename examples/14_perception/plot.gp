@@ -13,7 +13,7 @@ set style line 3 lc rgb '#bcbd22' lw 2 pt 7
 set style line 4 lc rgb '#ff7f0e' lw 2 pt 7
 set style line 5 lc rgb '#d62728' lw 2 pt 7
 set style line 6 lc rgb '#7f7f7f' lw 2 pt 7
-scattering = "0.03 0.3 0.5 0.7 1 1.8"
+scattering = "0.03 0.2 0.4 0.55 0.8 1.8"
 set xlabel 'range (m)'
 set xrange [0.8:4.2]
 set title 'detected (%)'

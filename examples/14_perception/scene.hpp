@@ -51,13 +51,14 @@ inline std::vector<icat::FrameBox<double>> arm_boxes(const Robot& robot) {
   return boxes;
 }
 
-/// Adds the arm as `robot` has it. `sleeve`: the forearm is as yellow as the pipe.
+/// Adds the arm as `robot` has it. `sleeve`: the forearm has the colour that the pipe has from
+/// further away, where water took more of the red.
 inline void add_arm(Pool& pool, const Robot& robot, bool sleeve = false) {
   for (const Part& p : arm_parts) {
     const Pose pose = robot.pose(robot.frame(p.frame));
     const bool forearm = std::string_view(p.frame) == "link5";
     pool.rods.push_back({from(pose * p.from), from(pose * p.to), p.radius,
-                         sleeve && forearm ? yellow : dark, false});
+                         sleeve && forearm ? Albedo{0.56f, 0.52f, 0.05f} : dark, false});
   }
 }
 

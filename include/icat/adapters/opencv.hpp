@@ -24,6 +24,7 @@
 
 #include <algorithm>
 #include <array>
+#include <exception>
 #include <opencv2/imgproc.hpp>
 #include <span>
 #include <vector>
@@ -90,6 +91,11 @@ class PipeContours {
     samples_.reserve(2048);
   }
 
+  /// A copy would share the pictures' buffers. Can be moved.
+  PipeContours(const PipeContours&) = delete;
+  PipeContours& operator=(const PipeContours&) = delete;
+  PipeContours(PipeContours&&) = default;
+
   /// Forgets the arm. No allocation.
   void clear_mask() noexcept {
     mask_.setTo(0);
@@ -118,7 +124,7 @@ class PipeContours {
       if (margin > 1) {  // a thick outline grows it
         cv::polylines(mask_, &outline, &count, 1, true, 255, margin, cv::LINE_8, shift);
       }
-    } catch (const cv::Exception&) {
+    } catch (const std::exception&) {
       return Status::numerical_failure;
     }
     masked_ = true;
@@ -137,7 +143,7 @@ class PipeContours {
       find_border();
       border_.find();
       return select(bgr) ? Status::ok : Status::not_measured;
-    } catch (const cv::Exception&) {
+    } catch (const std::exception&) {
       count_ = 0;
       return Status::numerical_failure;
     }

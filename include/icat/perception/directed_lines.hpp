@@ -81,7 +81,8 @@ class DirectedLines {
       p.used = false;
       vote(p, 1);
     }
-    while (count_ < most) {
+    // Of a border without lines each attempt may take few points away, so attempts are counted.
+    for (int attempt = 0; attempt < most_attempts && count_ < most; ++attempt) {
       const auto best = std::max_element(votes_.begin(), votes_.end());
       if (*best < fewest_votes) return;
       const int at = static_cast<int>(best - votes_.begin());
@@ -109,7 +110,7 @@ class DirectedLines {
  private:
   static constexpr int angles = 180;
   static constexpr double bin = 2 * std::numbers::pi / angles;  // 2°; a bin of ρ has 2 px
-  static constexpr int fewest_votes = 14, fewest_points = 6;
+  static constexpr int fewest_votes = 14, fewest_points = 6, most_attempts = 32;
 
   void vote(const BorderPoint& p, int weight) noexcept {
     const int first = static_cast<int>(std::lround(std::atan2(p.ny, p.nx) / bin));
