@@ -11,8 +11,8 @@
 #include <span>
 #include <vector>
 
-#include "icat/perception/camera.hpp"
 #include "icat/model/robot.hpp"
+#include "icat/perception/camera.hpp"
 
 namespace icat {
 
@@ -207,8 +207,7 @@ class ArmMask {
       for (unsigned j = 0; j < 3; ++j) {
         const Vector3<Scalar>&a = corners[i], &b = corners[i ^ 1u << j];
         if ((i >> j & 1u) || (a(2) >= near) == (b(2) >= near)) continue;
-        Vector3<Scalar> cut =
-            detail::plus(a, (near - a(2)) / (b(2) - a(2)), detail::minus(b, a));
+        Vector3<Scalar> cut = detail::plus(a, (near - a(2)) / (b(2) - a(2)), detail::minus(b, a));
         cut(2) = near;
         add(cut);
       }

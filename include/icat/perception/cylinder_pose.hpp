@@ -183,8 +183,7 @@ class CylinderPose {
     m.residual = w.edges > 2 ? residual(w) : Scalar(0);
     m.rim_error = rim_error(w);
     for (int k = 0; k < w.edges + w.ends; ++k) add_line(w, k, m.covariance);
-    m.covariance(4, 4) +=
-        options_.gravity_noise * options_.gravity_noise / (w.level * w.level);
+    m.covariance(4, 4) += options_.gravity_noise * options_.gravity_noise / (w.level * w.level);
     if (!detail::all_finite(m.frame.matrix()) || !detail::all_finite(m.covariance)) {
       return Status::numerical_failure;
     }
@@ -214,7 +213,7 @@ class CylinderPose {
     int edges{0}, ends{0};
     Vector3<Scalar> g, d, x, z, across, p;  // across: the point of the axis with dᵀ p = 0
     Vector3<Scalar> values;
-    Matrix3<Scalar> vectors, inverse;  // of Σ n nᵀ; of Σ n nᵀ + d dᵀ
+    Matrix3<Scalar> vectors, inverse;      // of Σ n nᵀ; of Σ n nᵀ + d dᵀ
     Scalar level{0}, along{0}, weight{0};  // |g − (gᵀ d) d|, s, Σ (n_tᵀ d)²
   };
 
@@ -352,8 +351,7 @@ class CylinderPose {
         if (own) change -= pl.dc[j] + detail::dot(dn, w.across);
         slid += (da * (end_offset(w, end, a) - Scalar(2) * a * w.along) + a * change) / w.weight;
       }
-      const Vector3<Scalar> dp =
-          detail::plus(detail::plus(moved, slid, w.d), w.along, dd);
+      const Vector3<Scalar> dp = detail::plus(detail::plus(moved, slid, w.d), w.along, dd);
       G(0, j) = detail::dot(w.x, dp);
       G(1, j) = detail::dot(w.d, dp);
       G(2, j) = detail::dot(w.z, dp);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// A cylinder followed on the vehicle [MARIS, IV: a tracking algorithm updates the frame and filters
-/// wrong outcomes; V: trackers of ᵛT_g and ᶜT_l; no equations printed]. Between pictures its frame
-/// ⟨o⟩ moves as the vehicle says, then a measurement draws it nearer by a share k:
+/// A cylinder followed on the vehicle [MARIS, IV: a tracking algorithm updates the frame and
+/// filters wrong outcomes; V: trackers of ᵛT_g and ᶜT_l; no equations printed]. Between pictures
+/// its frame ⟨o⟩ moves as the vehicle says, then a measurement draws it nearer by a share k:
 ///
 ///     ᵛT_o ← (⁰T_v)⁻¹ ⁰T_v(before) ᵛT_o
 ///     p ← p + k (p_z − p),   R ← R exp(k log(Rᵀ R_z))
@@ -131,8 +131,7 @@ class FrameTracker {
   }
   static Pose<Scalar> inverse(const Pose<Scalar>& pose) noexcept {
     const Matrix3<Scalar> R = detail::transpose(detail::rotation(pose));
-    return detail::make_pose(R,
-                             detail::scaled(detail::times(R, detail::origin(pose)), Scalar(-1)));
+    return detail::make_pose(R, detail::scaled(detail::times(R, detail::origin(pose)), Scalar(-1)));
   }
   // A frame on the vehicle that is at rest in ⟨0⟩ while the vehicle goes.
   static Pose<Scalar> carried(const Pose<Scalar>& frame, const Pose<Scalar>& before,
@@ -144,13 +143,11 @@ class FrameTracker {
     }
     const Pose<Scalar> result = detail::compose(moved, frame);
     // Steps are chained without end.
-    return detail::make_pose(
-        detail::UnitQuaternion<Scalar>::of(detail::rotation(result)).matrix(),
-        detail::origin(result));
+    return detail::make_pose(detail::UnitQuaternion<Scalar>::of(detail::rotation(result)).matrix(),
+                             detail::origin(result));
   }
 
-  Status take(const Pose<Scalar>& seen, Scalar distance, bool end_seen,
-              bool& begun) noexcept {
+  Status take(const Pose<Scalar>& seen, Scalar distance, bool end_seen, bool& begun) noexcept {
     // Without an end the origin is the point nearest to the camera: no less near than the middle.
     if (!(distance >= options_.nearest && distance <= options_.furthest)) return Status::outlier;
     const bool known = valid_ || hits_ > 0;
@@ -160,8 +157,7 @@ class FrameTracker {
       return Status::ok;
     }
     Matrix3<Scalar> R = detail::rotation(seen);
-    if (detail::dot(detail::column3(R, 0, 1), detail::column3(frame_.matrix(), 0, 1)) <
-        Scalar(0)) {
+    if (detail::dot(detail::column3(R, 0, 1), detail::column3(frame_.matrix(), 0, 1)) < Scalar(0)) {
       for (Index j = 0; j < 2; ++j) {
         detail::set_column3(R, 0, j, detail::scaled(detail::column3(R, 0, j), Scalar(-1)));
       }
@@ -170,10 +166,8 @@ class FrameTracker {
     Vector3<Scalar> jump = detail::minus(detail::origin(seen), detail::origin(frame_));
     if (!end_seen) jump = detail::plus(jump, -detail::dot(jump, y), y);
     const Matrix3<Scalar> from = detail::rotation(frame_);
-    const Vector3<Scalar> turn =
-        rotation_log<Scalar>(detail::times(detail::transpose(from), R));
-    if (!(detail::norm(jump) <= options_.max_jump) ||
-        !(detail::norm(turn) <= options_.max_turn)) {
+    const Vector3<Scalar> turn = rotation_log<Scalar>(detail::times(detail::transpose(from), R));
+    if (!(detail::norm(jump) <= options_.max_jump) || !(detail::norm(turn) <= options_.max_turn)) {
       if (!valid_ && end_seen) {
         begin(seen);
         begun = true;
