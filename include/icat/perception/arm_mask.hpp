@@ -11,6 +11,7 @@
 #include <span>
 #include <vector>
 
+#include "icat/core/status.hpp"
 #include "icat/model/robot.hpp"
 #include "icat/perception/camera.hpp"
 
