@@ -4,6 +4,7 @@
 
 #include <icat/perception/frame_tracker.hpp>
 #include <icat/perception/line_tracker.hpp>
+#include <icat/perception/pose_history.hpp>
 
 #include "support/allocation_counter.hpp"
 #include "support/pipes.hpp"
@@ -211,6 +212,25 @@ TEST(FrameTracker, BirthNeedsTwoThatAgree) {
   EXPECT_FALSE(apart.valid());  // not two in a row
 }
 
+// With twice the deviation that is trusted a measurement counts a quarter.
+TEST(FrameTracker, BadMeasurementsCountLess) {
+  Tracker tracker = tracking();
+  Pose moved = pipe;
+  moved.translation()(2) += 0.1;
+  moved.linear() = icat::rotation_exp<double>(Vector3(0, 0, 0.1)) * pipe.linear();
+  Measurement seen = seen_from(start, moved);
+  seen.covariance(1, 1) = HUGE_VAL;  // along the axis nothing is asked
+  seen.covariance(2, 2) = 0.04 * 0.04;
+  seen.covariance(5, 5) = 0.06 * 0.06;
+  ASSERT_EQ(tracker.update(seen, start), Status::ok);
+  const Pose now = start * tracker.frame();
+  EXPECT_NEAR((now.translation() - pipe.translation()).norm(), 0.1 * 0.6 / 4, 1e-9);
+  const icat::Matrix3<double> turn = now.linear() * pipe.linear().transpose();
+  EXPECT_NEAR(icat::rotation_log<double>(turn)(2), 0.1 * 0.6 / 9, 1e-9);
+  seen.covariance(2, 2) = NAN;
+  EXPECT_EQ(tracker.update(seen, start), Status::non_finite);
+}
+
 // Without an end the frame goes to the measured axis by k, and stays where it is along it.
 TEST(FrameTracker, WithoutAnEndItMovesAcrossTheAxisAlone) {
   Tracker tracker = tracking();
@@ -277,6 +297,36 @@ TEST(FrameTracker, GoalFrames) {
   };
   bad({.gain = 0}), bad({.gain = 1.1}), bad({.nearest = -1}), bad({.furthest = 0.4});
   bad({.max_jump = NAN}), bad({.max_turn = 1.6}), bad({.hits = 0}), bad({.misses = 0});
+  bad({.trusted = 0}), bad({.trusted_tilt = NAN});
+}
+
+// ---- Where the vehicle was
+
+TEST(PoseHistory, IsThePoseOfThen) {
+  const auto truth = [](double t) { return make_pose<double>(0.2 * t, 1, 0, 0, 0, 0.5 * t); };
+  icat::PoseHistory<double> history;
+  Pose p = start;
+  EXPECT_EQ(history.at(0, p), Status::not_started);
+  for (const double clock : {50.0, 20.0}) {  // a clock that goes back begins anew
+    for (int k = 0; k <= 100; ++k) {
+      ASSERT_EQ(history.record(clock + 0.01 * k, truth(0.01 * k)), Status::ok);
+    }
+    for (const double age : {0.0, 0.003, 0.1, 0.256, 0.49}) {
+      ASSERT_EQ(history.at(clock + 1 - age, p), Status::ok);
+      EXPECT_LT((p.matrix() - truth(1 - age).matrix()).norm(), 1e-6);  // of an arc by chords
+    }
+  }
+  EXPECT_EQ(history.at(20.4, p), Status::late_measurement);
+  EXPECT_EQ(history.at(21.1, p), Status::time_reversed);
+  EXPECT_EQ(history.at(NAN, p), Status::non_finite);
+  EXPECT_EQ(history.record(NAN, start), Status::non_finite);
+  Pose none = start;
+  none.linear() *= 2;
+  EXPECT_EQ(history.record(22, none), Status::not_a_rotation);
+  EXPECT_EQ(history.at(21, p), Status::ok);
+  ASSERT_EQ(history.record(5, start), Status::ok);
+  EXPECT_EQ(history.at(4.9, p), Status::late_measurement);
+  EXPECT_EQ(history.at(5, p), Status::ok);
 }
 
 }  // namespace

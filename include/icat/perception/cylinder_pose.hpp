@@ -119,8 +119,8 @@ class CylinderPose {
     /// d has a component >= 0 along this, on ⟨c⟩; any length. A cylinder has two directions.
     Vector3<Scalar> towards{Scalar(-1), Scalar(0), Scalar(0)};
     Scalar gravity_noise = static_cast<Scalar>(0.01);  ///< deviation of a tilt, rad, >= 0
-    Scalar max_deviation = static_cast<Scalar>(0.2);   ///< across the axis, m, > 0: refused beyond
-    Scalar max_tilt = static_cast<Scalar>(0.2);        ///< of the axis, rad, > 0: refused beyond
+    Scalar max_deviation = static_cast<Scalar>(0.05);  ///< across the axis, m, > 0: refused beyond
+    Scalar max_tilt = static_cast<Scalar>(0.1);        ///< of the axis, rad, > 0: refused beyond
     Scalar max_residual = static_cast<Scalar>(0.03);   ///< m, > 0: an outlier beyond
   };
 

@@ -57,7 +57,7 @@ class StereoPipe {
     double pixel_noise = 0.5;       ///< deviation at full contrast, px
     double attenuation = 0.2;       ///< c, 1/m: 0.2 clear, 1 slightly turbid, 3 very turbid
     double contrast = 0.8;          ///< C₀, in (0, 1]
-    double contrast_noise = 0.03;   ///< deviation
+    double contrast_noise = 0.02;   ///< deviation
     double threshold = 0.1;         ///< >= 0
     double shortest_edge = 60;      ///< of the visible part of a long contour, px, > 0
     double shortest_end = 12;       ///< the same of an end, px, > 0
