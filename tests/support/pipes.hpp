@@ -3,9 +3,11 @@
 /// A stereo rig that looks down on pipes, for the tests of perception.
 #pragma once
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <icat/perception/cylinder_pose.hpp>
+#include <icat/sim/noise.hpp>
 #include <random>
 #include <vector>
 
@@ -36,6 +38,26 @@ std::vector<icat::ContourLine<Scalar>> contours(const icat::StereoCamera<Scalar>
       const auto end = icat::end_segment(cameras, camera, shape, pose, side);
       if (ends && end) lines.push_back(end->line);
     }
+  }
+  return lines;
+}
+
+/// Lines of what is seen of each contour, both ends of which move across it by noise.
+inline std::vector<icat::ContourLine<double>> noisy_lines(const icat::StereoCamera<double>& cameras,
+                                                          const icat::Pose<double>& pose, bool ends,
+                                                          double deviation, icat::Noise& noise) {
+  const icat::CylinderShape<double> shape{};
+  std::vector<icat::ContourLine<double>> lines;
+  for (int k = 0; k < 8; ++k) {
+    const auto s = k < 4 ? icat::edge_segment(cameras, k / 2, shape, pose, k % 2)
+                         : icat::end_segment(cameras, (k - 4) / 2, shape, pose, k % 2);
+    if (!s || (k >= 4 && !ends)) continue;
+    const double a = deviation * noise.normal(), b = deviation * noise.normal();
+    const double x = std::cos(s->line.theta), y = std::sin(s->line.theta);
+    auto line = icat::line_through<double>({s->from(0) + a * x, s->from(1) + a * y},
+                                           {s->to(0) + b * x, s->to(1) + b * y}, {x, y}, deviation);
+    line.camera = s->line.camera, line.kind = s->line.kind;
+    lines.push_back(line);
   }
   return lines;
 }
