@@ -3,7 +3,6 @@
 /// A stereo rig that looks down on pipes, for the tests of perception.
 #pragma once
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <icat/perception/cylinder_pose.hpp>
