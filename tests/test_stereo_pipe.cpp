@@ -283,26 +283,26 @@ TEST(Chain, FromPicturesToTheGoalOfTheTool) {
     ASSERT_EQ(arm.update(), Status::ok);
     ASSERT_EQ(history.record(now, vehicle), Status::ok);
     ASSERT_EQ(tracker.predict(vehicle), Status::ok);
-    if (const auto view = eyes.observe(now, vehicle, there, arm.outline())) {
-      Pose then;  // of the vehicle when the picture was taken
+    const auto view = eyes.observe(now, vehicle, there, arm.outline());
+    if (view) {
+      Pose then;  // of the vehicle, when the picture was taken
       ASSERT_EQ(history.at(view->time, then), Status::ok);
       const Vector3 gravity = icat::gravity_in_camera(then, mount);
-      Measurement seen;
+      icat::CylinderMeasurement<double> seen;
       if (estimator.measure(view->value.lines(), gravity, seen) == Status::ok) {
         (void)tracker.update(seen, then);
       } else {
         tracker.miss();
       }
-      //! [loop]
-      ++pictures;
-      measured += tracker.misses() == 0;
-      //! [goal]
     }
-    if (tracker.valid()) {
-      const Pose goal = vehicle * tracker.grasp(grasp);                  // of the tool
-      const Vector3 end = tracker.point_in_camera(Vector3(0, -0.5, 0));  // to keep in view
-      //! [goal]
-      if (now < 2) continue;
+    // While tracker.valid():
+    const Pose in_vehicle = tracker.grasp(grasp);                      // ᵛT_g, for the tool
+    const Vector3 end = tracker.point_in_camera(Vector3(0, -0.5, 0));  // ᶜp_l, to keep in view
+    //! [loop]
+    pictures += view.has_value();
+    measured += view && tracker.misses() == 0;
+    if (tracker.valid() && now >= 2) {
+      const Pose goal = vehicle * in_vehicle;
       // Which of both directions was seen first is the tracker's.
       const Pose truth = pipe * grasp,
                  turned = pipe * make_pose<double>(0, 0, 0, 0, 0, M_PI) * grasp;
