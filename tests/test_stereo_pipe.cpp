@@ -126,6 +126,32 @@ TEST(StereoPipe, WaterDecidesWhatIsSeen) {
   EXPECT_EQ(very, 0);
 }
 
+// With half of it covered a contour has half its length, so four times the variance of its angle,
+// to a sample or two of 33; the covered end is gone. Under a hull as large as the image all is.
+TEST(StereoPipe, WhatIsCoveredIsNotSeen) {
+  const Pose pipe = seen_at(support::level_pipe(0, 0, 2, 0));
+  Sim sim(rig, mount);
+  icat::ArmOutline<double> arm{std::vector<icat::ImageHull<double>>(1), {}};
+  const auto view = sim.picture(hovering, pipe, arm);
+  const double middle = 1292 / 2.0;
+  arm[0][0].set(std::vector<Pixel>{{-1, -1}, {middle, -1}, {middle, 999}, {-1, 999}});
+  const auto half = sim.picture(hovering, pipe, arm);
+  ASSERT_EQ(view.count, 8);
+  ASSERT_EQ(half.count, 7);
+  for (std::size_t k = 0; k < 7; ++k) {
+    if (half.line[k].kind != icat::ContourKind::edge) continue;
+    double whole = 0;  // of the same camera: both contours are as long as each other
+    for (const auto& line : view.lines()) {
+      const bool same = line.kind == icat::ContourKind::edge && line.camera == half.line[k].camera;
+      if (same) whole = line.covariance(0, 0);
+    }
+    const double ratio = half.line[k].covariance(0, 0) / whole;
+    EXPECT_NEAR(ratio, half.line[k].camera == 0 ? 4 : 1, half.line[k].camera == 0 ? 0.6 : 0.05);
+  }
+  arm[0][0].set(std::vector<Pixel>{{-1, -1}, {1999, -1}, {1999, 999}, {-1, 999}});
+  for (const auto& line : sim.picture(hovering, pipe, arm).lines()) EXPECT_EQ(line.camera, 1);
+}
+
 // The hand before the pipe: without the mask the lines follow the arm, with it none does.
 TEST(StereoPipe, TheMaskKeepsTheArmOutOfTheContours) {
   auto robot = icat::uvms(icat::maris_arm<double>(),
@@ -305,7 +331,7 @@ TEST(Chain, FromPicturesToTheGoalOfTheTool) {
       const Pose goal = vehicle * in_vehicle;
       // Which of both directions was seen first is the tracker's.
       const Pose truth = pipe * grasp,
-                 turned = pipe * make_pose<double>(0, 0, 0, 0, 0, M_PI) * grasp;
+                 turned = pipe * make_pose<double>(0, 0, 0, 0, 0, std::numbers::pi) * grasp;
       const double error = std::min((goal.translation() - truth.translation()).norm(),
                                     (goal.translation() - turned.translation()).norm());
       squares += error * error;

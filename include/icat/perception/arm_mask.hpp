@@ -180,7 +180,7 @@ class ArmMask {
 
   /// One hull for each box and camera, in the order of the boxes; empty ones for boxes behind.
   const ArmOutline<Scalar>& outline() const noexcept { return outline_; }
-  /// Whether the arm hides the pixel. No allocation.
+  /// Whether the arm hides the pixel of camera 0 or 1. No allocation.
   bool hides(int camera, const Pixel<Scalar>& p) const noexcept {
     for (const ImageHull<Scalar>& hull : outline_[static_cast<std::size_t>(camera)]) {
       if (hull.contains(p)) return true;

@@ -147,6 +147,7 @@ class CylinderPose {
   /// - `wrong_size`: more than four long contours, or ends
   /// - `non_finite`, `out_of_range`: NaN in a line or gravity; a camera that is not 0 or 1, a
   ///   covariance with a negative variance, no gravity
+  /// - `implausible`: ρ beyond 1e6 px
   /// - `not_measured`: fewer than two long contours; planes that are nearly one, as of two contours
   ///   that lie along the baseline, so that a deviation is beyond `max_deviation` or `max_tilt`; an
   ///   axis within 0.1 rad of the vertical, about which gravity says nothing
@@ -230,6 +231,9 @@ class CylinderPose {
         if (line.camera < 0 || line.camera > 1 || line.covariance(0, 0) < Scalar(0) ||
             line.covariance(1, 1) < Scalar(0)) {
           return Status::out_of_range;
+        }
+        if (!(std::abs(line.rho) <= Scalar(detail::implausible_measurement))) {
+          return Status::implausible;
         }
         w.planes[static_cast<std::size_t>(w.edges + w.ends)].set(
             cameras_[static_cast<std::size_t>(line.camera)], line);

@@ -96,8 +96,9 @@ class StereoPipe {
   }
 
   /// To be called in each step of the simulation: what has arrived at `time`, s, and when it was
-  /// taken. A picture without any line arrives, too. Nothing where the time is not finite; where it
-  /// is earlier than the last picture the schedule begins anew. No allocation.
+  /// taken. A picture without any line arrives, too, and so does one of poses that are not finite.
+  /// Nothing where the time is not finite; where it is earlier than the last picture the schedule
+  /// begins anew. No allocation.
   /// @param vehicle  ⟨v⟩ in ⟨0⟩
   /// @param pipe     ⟨o⟩ in ⟨0⟩
   /// @param arm      what covers the pipe (`ArmMask::outline`); without hulls nothing does
