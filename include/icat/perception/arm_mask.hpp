@@ -11,8 +11,9 @@
 #include <span>
 #include <vector>
 
-#include "icat/perception/camera.hpp"
+#include "icat/core/status.hpp"
 #include "icat/model/robot.hpp"
+#include "icat/perception/camera.hpp"
 
 namespace icat {
 
@@ -179,7 +180,7 @@ class ArmMask {
 
   /// One hull for each box and camera, in the order of the boxes; empty ones for boxes behind.
   const ArmOutline<Scalar>& outline() const noexcept { return outline_; }
-  /// Whether the arm hides the pixel. No allocation.
+  /// Whether the arm hides the pixel of camera 0 or 1. No allocation.
   bool hides(int camera, const Pixel<Scalar>& p) const noexcept {
     for (const ImageHull<Scalar>& hull : outline_[static_cast<std::size_t>(camera)]) {
       if (hull.contains(p)) return true;
@@ -207,8 +208,7 @@ class ArmMask {
       for (unsigned j = 0; j < 3; ++j) {
         const Vector3<Scalar>&a = corners[i], &b = corners[i ^ 1u << j];
         if ((i >> j & 1u) || (a(2) >= near) == (b(2) >= near)) continue;
-        Vector3<Scalar> cut =
-            detail::plus(a, (near - a(2)) / (b(2) - a(2)), detail::minus(b, a));
+        Vector3<Scalar> cut = detail::plus(a, (near - a(2)) / (b(2) - a(2)), detail::minus(b, a));
         cut(2) = near;
         add(cut);
       }

@@ -88,10 +88,10 @@ enum class ContourKind {
 /// A line in one of the images, with the object on its positive side.
 template <class Scalar>
 struct ContourLine {
-  int camera{0};                                     ///< 0 left, 1 right
-  ContourKind kind{ContourKind::edge};               ///< of what
-  Scalar theta{0};                                   ///< θ, rad, of the normal
-  Scalar rho{0};                                     ///< ρ, px
+  int camera{0};                                       ///< 0 left, 1 right
+  ContourKind kind{ContourKind::edge};                 ///< of what
+  Scalar theta{0};                                     ///< θ, rad, of the normal
+  Scalar rho{0};                                       ///< ρ, px
   Eigen::Matrix<Scalar, 2, 2> covariance = Filled{0};  ///< of (θ, ρ), rad², rad px, px²
 
   /// cosθ u + sinθ v − ρ: the distance from the line, > 0 on the side of the object, px.

@@ -157,14 +157,14 @@ std::optional<ContourSegment<Scalar>> end_segment(const StereoCamera<Scalar>& ca
   constexpr int count = 9;
   Pixel<Scalar> points[count], inside;
   // From where one long contour touches to where the other one does: e₁ n = ∓ r/D there.
-  const Scalar from = std::asin(depth > Scalar(0) ? -seen.radius / seen.distance
-                                                  : seen.radius / seen.distance);
+  const Scalar from =
+      std::asin(depth > Scalar(0) ? -seen.radius / seen.distance : seen.radius / seen.distance);
   for (int i = 0; i < count; ++i) {
     const Scalar angle = from + (std::numbers::pi_v<Scalar> - Scalar(2) * from) *
                                     static_cast<Scalar>(i) / static_cast<Scalar>(count - 1);
-    const Vector3<Scalar> on_rim = detail::plus(
-        detail::plus(center, depth * std::sin(angle), seen.e1), seen.radius * std::cos(angle),
-        seen.e2);
+    const Vector3<Scalar> on_rim =
+        detail::plus(detail::plus(center, depth * std::sin(angle), seen.e1),
+                     seen.radius * std::cos(angle), seen.e2);
     if (!k.project(on_rim, points[i]) || !k.contains(points[i])) return std::nullopt;
   }
   ContourSegment<Scalar> segment;

@@ -119,8 +119,8 @@ class CylinderPose {
     /// d has a component >= 0 along this, on ⟨c⟩; any length. A cylinder has two directions.
     Vector3<Scalar> towards{Scalar(-1), Scalar(0), Scalar(0)};
     Scalar gravity_noise = static_cast<Scalar>(0.01);  ///< deviation of a tilt, rad, >= 0
-    Scalar max_deviation = static_cast<Scalar>(0.2);   ///< across the axis, m, > 0: refused beyond
-    Scalar max_tilt = static_cast<Scalar>(0.2);        ///< of the axis, rad, > 0: refused beyond
+    Scalar max_deviation = static_cast<Scalar>(0.05);  ///< across the axis, m, > 0: refused beyond
+    Scalar max_tilt = static_cast<Scalar>(0.1);        ///< of the axis, rad, > 0: refused beyond
     Scalar max_residual = static_cast<Scalar>(0.03);   ///< m, > 0: an outlier beyond
   };
 
@@ -147,6 +147,7 @@ class CylinderPose {
   /// - `wrong_size`: more than four long contours, or ends
   /// - `non_finite`, `out_of_range`: NaN in a line or gravity; a camera that is not 0 or 1, a
   ///   covariance with a negative variance, no gravity
+  /// - `implausible`: ρ beyond 1e6 px
   /// - `not_measured`: fewer than two long contours; planes that are nearly one, as of two contours
   ///   that lie along the baseline, so that a deviation is beyond `max_deviation` or `max_tilt`; an
   ///   axis within 0.1 rad of the vertical, about which gravity says nothing
@@ -183,8 +184,7 @@ class CylinderPose {
     m.residual = w.edges > 2 ? residual(w) : Scalar(0);
     m.rim_error = rim_error(w);
     for (int k = 0; k < w.edges + w.ends; ++k) add_line(w, k, m.covariance);
-    m.covariance(4, 4) +=
-        options_.gravity_noise * options_.gravity_noise / (w.level * w.level);
+    m.covariance(4, 4) += options_.gravity_noise * options_.gravity_noise / (w.level * w.level);
     if (!detail::all_finite(m.frame.matrix()) || !detail::all_finite(m.covariance)) {
       return Status::numerical_failure;
     }
@@ -214,7 +214,7 @@ class CylinderPose {
     int edges{0}, ends{0};
     Vector3<Scalar> g, d, x, z, across, p;  // across: the point of the axis with dᵀ p = 0
     Vector3<Scalar> values;
-    Matrix3<Scalar> vectors, inverse;  // of Σ n nᵀ; of Σ n nᵀ + d dᵀ
+    Matrix3<Scalar> vectors, inverse;      // of Σ n nᵀ; of Σ n nᵀ + d dᵀ
     Scalar level{0}, along{0}, weight{0};  // |g − (gᵀ d) d|, s, Σ (n_tᵀ d)²
   };
 
@@ -231,6 +231,9 @@ class CylinderPose {
         if (line.camera < 0 || line.camera > 1 || line.covariance(0, 0) < Scalar(0) ||
             line.covariance(1, 1) < Scalar(0)) {
           return Status::out_of_range;
+        }
+        if (!(std::abs(line.rho) <= Scalar(detail::implausible_measurement))) {
+          return Status::implausible;
         }
         w.planes[static_cast<std::size_t>(w.edges + w.ends)].set(
             cameras_[static_cast<std::size_t>(line.camera)], line);
@@ -352,8 +355,7 @@ class CylinderPose {
         if (own) change -= pl.dc[j] + detail::dot(dn, w.across);
         slid += (da * (end_offset(w, end, a) - Scalar(2) * a * w.along) + a * change) / w.weight;
       }
-      const Vector3<Scalar> dp =
-          detail::plus(detail::plus(moved, slid, w.d), w.along, dd);
+      const Vector3<Scalar> dp = detail::plus(detail::plus(moved, slid, w.d), w.along, dd);
       G(0, j) = detail::dot(w.x, dp);
       G(1, j) = detail::dot(w.d, dp);
       G(2, j) = detail::dot(w.z, dp);

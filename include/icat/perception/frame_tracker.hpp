@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// A cylinder followed on the vehicle [MARIS, IV: a tracking algorithm updates the frame and filters
-/// wrong outcomes; V: trackers of ᵛT_g and ᶜT_l; no equations printed]. Between pictures its frame
-/// ⟨o⟩ moves as the vehicle says, then a measurement draws it nearer by a share k:
+/// A cylinder followed on the vehicle [MARIS, IV: a tracking algorithm updates the frame and
+/// filters wrong outcomes; V: trackers of ᵛT_g and ᶜT_l; no equations printed]. Between pictures
+/// its frame ⟨o⟩ moves as the vehicle says, then a measurement draws it nearer by a share k:
 ///
 ///     ᵛT_o ← (⁰T_v)⁻¹ ⁰T_v(before) ᵛT_o
 ///     p ← p + k (p_z − p),   R ← R exp(k log(Rᵀ R_z))
+///
+/// A measurement whose deviation σ is larger than what is `trusted`, such as that of one camera
+/// alone, whose depth is bad, counts less, k (trusted/σ)², each for position and turn; infinities
+/// give the same k to all.
 ///
 /// A measurement without an end (five degrees of freedom) draws p to the point of its axis that is
 /// nearest, and leaves it where it is along the axis. Gates: distance from the vehicle, jump, turn.
@@ -20,6 +24,8 @@
 /// survive: meanwhile the frame is as good as the vehicle's own motion.
 #pragma once
 
+#include <algorithm>
+
 #include "icat/core/status.hpp"
 #include "icat/perception/cylinder_pose.hpp"
 
@@ -31,13 +37,15 @@ class FrameTracker {
  public:
   /// Gain, gates and counts.
   struct Options {
-    Scalar gain = static_cast<Scalar>(0.6);       ///< k, in (0, 1]
-    Scalar nearest = static_cast<Scalar>(0.5);    ///< of ⟨o⟩ to ⟨c⟩, m, >= 0
-    Scalar furthest = Scalar(4);                  ///< the same, m, > nearest
-    Scalar max_jump = static_cast<Scalar>(0.5);   ///< from the prediction, m, > 0
-    Scalar max_turn = static_cast<Scalar>(0.35);  ///< the same, rad, in (0, π/2)
-    int hits = 2;                                 ///< pictures in a row until valid, >= 1
-    int misses = 30;                              ///< pictures in a row until given up, >= 1
+    Scalar gain = static_cast<Scalar>(0.6);      ///< k, in (0, 1]
+    Scalar trusted = static_cast<Scalar>(0.02);  ///< deviation across the axis, m, > 0: see above
+    Scalar trusted_tilt = static_cast<Scalar>(0.02);  ///< the same of the axis, rad, > 0
+    Scalar nearest = static_cast<Scalar>(0.5);        ///< of ⟨o⟩ to ⟨c⟩, m, >= 0
+    Scalar furthest = Scalar(4);                      ///< the same, m, > nearest
+    Scalar max_jump = static_cast<Scalar>(0.5);       ///< from the prediction, m, > 0
+    Scalar max_turn = static_cast<Scalar>(0.35);      ///< the same, rad, in (0, π/2)
+    int hits = 2;                                     ///< pictures in a row until valid, >= 1
+    int misses = 30;                                  ///< pictures in a row until given up, >= 1
   };
 
   /// @param camera   ⟨c⟩ in ⟨v⟩
@@ -49,6 +57,10 @@ class FrameTracker {
     if (!is_rigid(camera)) detail::invalid(owner, ": the pose of the camera is not rigid");
     if (!(options.gain > Scalar(0) && options.gain <= Scalar(1))) {
       detail::invalid(owner, ": gain must be in (0, 1], got ", options.gain);
+    }
+    if (!(options.trusted > Scalar(0)) || !(options.trusted_tilt > Scalar(0))) {
+      detail::invalid(owner, ": trusted and trusted_tilt must be > 0, got ", options.trusted,
+                      " and ", options.trusted_tilt);
     }
     detail::require_non_negative(owner, "nearest", options.nearest);
     if (!(options.furthest > options.nearest) || !std::isfinite(options.furthest)) {
@@ -78,7 +90,7 @@ class FrameTracker {
   }
 
   /// A picture shows the cylinder. Anything but `ok` is a miss and moves nothing:
-  /// - `non_finite`, `not_a_rotation`: of the measurement or the vehicle
+  /// - `non_finite`, `not_a_rotation`: of the measurement, its covariance or the vehicle
   /// - `not_started`: `predict` was never called
   /// - `not_measured`: five degrees of freedom, and no frame to take the sixth from
   /// - `outlier`: a gate refused it. Before the tracker is valid the new frame takes the place of
@@ -90,10 +102,18 @@ class FrameTracker {
     Status status = check(seen.frame);
     if (status == Status::ok) status = check(vehicle);
     if (status == Status::ok && !started_) status = Status::not_started;
+    // Of the origin along the axis nothing is asked.
+    const Matrix6<Scalar>& P = seen.covariance;
+    const Scalar position = std::max(P(0, 0), P(2, 2));
+    const Scalar turn = std::max(P(3, 3), P(5, 5));
+    if (status == Status::ok && !std::isfinite(P(0, 0) + P(2, 2) + P(3, 3) + P(5, 5))) {
+      status = Status::non_finite;
+    }
     bool begun = false;
     if (status == Status::ok) {
+      const Gains gains{weighed(options_.trusted, position), weighed(options_.trusted_tilt, turn)};
       status = take(carried(detail::compose(camera_, seen.frame), vehicle, vehicle_, positioned_),
-                    detail::norm(detail::origin(seen.frame)), seen.end_seen, begun);
+                    detail::norm(detail::origin(seen.frame)), seen.end_seen, gains, begun);
     }
     if (status != Status::ok && !begun) miss();
     return status;
@@ -125,14 +145,20 @@ class FrameTracker {
   }
 
  private:
+  struct Gains {
+    Scalar position, turn;
+  };
+  Scalar weighed(Scalar trusted, Scalar variance) const noexcept {
+    const Scalar share = trusted * trusted / variance;  // infinite for none
+    return share < Scalar(1) ? options_.gain * share : options_.gain;
+  }
   static Status check(const Pose<Scalar>& pose) noexcept {
     if (!detail::all_finite(pose.matrix())) return Status::non_finite;
     return is_rigid(pose) ? Status::ok : Status::not_a_rotation;
   }
   static Pose<Scalar> inverse(const Pose<Scalar>& pose) noexcept {
     const Matrix3<Scalar> R = detail::transpose(detail::rotation(pose));
-    return detail::make_pose(R,
-                             detail::scaled(detail::times(R, detail::origin(pose)), Scalar(-1)));
+    return detail::make_pose(R, detail::scaled(detail::times(R, detail::origin(pose)), Scalar(-1)));
   }
   // A frame on the vehicle that is at rest in ⟨0⟩ while the vehicle goes.
   static Pose<Scalar> carried(const Pose<Scalar>& frame, const Pose<Scalar>& before,
@@ -144,12 +170,11 @@ class FrameTracker {
     }
     const Pose<Scalar> result = detail::compose(moved, frame);
     // Steps are chained without end.
-    return detail::make_pose(
-        detail::UnitQuaternion<Scalar>::of(detail::rotation(result)).matrix(),
-        detail::origin(result));
+    return detail::make_pose(detail::UnitQuaternion<Scalar>::of(detail::rotation(result)).matrix(),
+                             detail::origin(result));
   }
 
-  Status take(const Pose<Scalar>& seen, Scalar distance, bool end_seen,
+  Status take(const Pose<Scalar>& seen, Scalar distance, bool end_seen, const Gains& gains,
               bool& begun) noexcept {
     // Without an end the origin is the point nearest to the camera: no less near than the middle.
     if (!(distance >= options_.nearest && distance <= options_.furthest)) return Status::outlier;
@@ -160,8 +185,7 @@ class FrameTracker {
       return Status::ok;
     }
     Matrix3<Scalar> R = detail::rotation(seen);
-    if (detail::dot(detail::column3(R, 0, 1), detail::column3(frame_.matrix(), 0, 1)) <
-        Scalar(0)) {
+    if (detail::dot(detail::column3(R, 0, 1), detail::column3(frame_.matrix(), 0, 1)) < Scalar(0)) {
       for (Index j = 0; j < 2; ++j) {
         detail::set_column3(R, 0, j, detail::scaled(detail::column3(R, 0, j), Scalar(-1)));
       }
@@ -170,10 +194,8 @@ class FrameTracker {
     Vector3<Scalar> jump = detail::minus(detail::origin(seen), detail::origin(frame_));
     if (!end_seen) jump = detail::plus(jump, -detail::dot(jump, y), y);
     const Matrix3<Scalar> from = detail::rotation(frame_);
-    const Vector3<Scalar> turn =
-        rotation_log<Scalar>(detail::times(detail::transpose(from), R));
-    if (!(detail::norm(jump) <= options_.max_jump) ||
-        !(detail::norm(turn) <= options_.max_turn)) {
+    const Vector3<Scalar> turn = rotation_log<Scalar>(detail::times(detail::transpose(from), R));
+    if (!(detail::norm(jump) <= options_.max_jump) || !(detail::norm(turn) <= options_.max_turn)) {
       if (!valid_ && end_seen) {
         begin(seen);
         begun = true;
@@ -181,9 +203,9 @@ class FrameTracker {
       return Status::outlier;
     }
     const Matrix3<Scalar> nearer =
-        detail::times(from, rotation_exp<Scalar>(detail::scaled(turn, options_.gain)));
+        detail::times(from, rotation_exp<Scalar>(detail::scaled(turn, gains.turn)));
     frame_ = detail::make_pose(detail::UnitQuaternion<Scalar>::of(nearer).matrix(),
-                               detail::plus(detail::origin(frame_), options_.gain, jump));
+                               detail::plus(detail::origin(frame_), gains.position, jump));
     hit();
     return Status::ok;
   }

@@ -66,9 +66,9 @@ class LineTracker {
   }
 
   /// The lines of a picture, `dt` s after the one before (>= 0; more than 1 s counts as 1 s). Those
-  /// of the other camera or kind, and those that are not finite, do not count. Returns which one was
-  /// taken; −1, a miss, where none was, or where `dt` is none. A dead tracker takes the first that
-  /// counts and `excluded` does not name: a pair of contours is followed by two trackers, the
+  /// of the other camera or kind, and those that are not finite, do not count. Returns which one
+  /// was taken; −1, a miss, where none was, or where `dt` is none. A dead tracker takes the first
+  /// that counts and `excluded` does not name: a pair of contours is followed by two trackers, the
   /// second of which is told what the first took. Step the one that is alive first. No allocation.
   int step(double dt, std::span<const ContourLine<Scalar>> lines, int excluded = -1) noexcept {
     if (detail::check_step(dt) != Status::ok) {
@@ -121,9 +121,8 @@ class LineTracker {
   }
   // Of the gates, the larger of both; infinite beyond 1.
   Scalar difference(const ContourLine<Scalar>& z) const noexcept {
-    const Scalar d =
-        std::max(std::abs(z.rho - about_middle(z.theta) - offset_) / options_.gate,
-                 std::abs(wrap(z.theta - line_.theta)) / options_.angle_gate);
+    const Scalar d = std::max(std::abs(z.rho - about_middle(z.theta) - offset_) / options_.gate,
+                              std::abs(wrap(z.theta - line_.theta)) / options_.angle_gate);
     return d <= Scalar(1) ? d : infinity<Scalar>;
   }
   void take(const ContourLine<Scalar>& z, Scalar h) noexcept {

@@ -57,7 +57,7 @@ class StereoPipe {
     double pixel_noise = 0.5;       ///< deviation at full contrast, px
     double attenuation = 0.2;       ///< c, 1/m: 0.2 clear, 1 slightly turbid, 3 very turbid
     double contrast = 0.8;          ///< C₀, in (0, 1]
-    double contrast_noise = 0.03;   ///< deviation
+    double contrast_noise = 0.02;   ///< deviation
     double threshold = 0.1;         ///< >= 0
     double shortest_edge = 60;      ///< of the visible part of a long contour, px, > 0
     double shortest_end = 12;       ///< the same of an end, px, > 0
@@ -96,8 +96,9 @@ class StereoPipe {
   }
 
   /// To be called in each step of the simulation: what has arrived at `time`, s, and when it was
-  /// taken. A picture without any line arrives, too. Nothing where the time is not finite; where it
-  /// is earlier than the last picture the schedule begins anew. No allocation.
+  /// taken. A picture without any line arrives, too, and so does one of poses that are not finite.
+  /// Nothing where the time is not finite; where it is earlier than the last picture the schedule
+  /// begins anew. No allocation.
   /// @param vehicle  ⟨v⟩ in ⟨0⟩
   /// @param pipe     ⟨o⟩ in ⟨0⟩
   /// @param arm      what covers the pipe (`ArmMask::outline`); without hulls nothing does
