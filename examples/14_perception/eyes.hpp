@@ -56,6 +56,7 @@ class Eyes {
                  icat::PipeContours(Rig::size(cameras[1]), 1)},
         pose_(cameras) {}
 
+  //! [mask]
   /// The arm in both pictures; without hulls none.
   void mask(const icat::ArmOutline<double>& arm) {
     for (std::size_t k = 0; k < 2; ++k) {
@@ -65,6 +66,7 @@ class Eyes {
       }
     }
   }
+  //! [mask]
 
   //! [look]
   /// `gravity` is on ⟨c⟩.

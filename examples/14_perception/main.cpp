@@ -217,13 +217,13 @@ int main(int argc, char** argv) {
   const auto arguments = support::parse(
       argc, argv,
       "Two cameras see a pipe: four conditions, past the arm, over range and turbidity.",
-      "out/14_perception", {}, {"--long", "twenty pictures for each range and turbidity"});
+      "out/14_perception", {}, {"--long", "ten pairs of pictures for each range and turbidity"});
   { support::Csv folder(arguments.output, "run.csv", "made by 14_perception"); }
   Rig rig(icat::parallel_cameras<double>());
   const auto found = show_conditions(rig, arguments.output);
   const int wrong = follow(rig, arguments.output);
   const double rate = measure_rate(rig);
-  sweep(rig, arguments.output, arguments.extended ? 20 : 1);
+  sweep(rig, arguments.output, arguments.extended ? 10 : 1);
   if (arguments.pictures) support::draw(arguments.output);
   const bool as_published =
       found[0] == 4 && found[1] == 4 && found[2] > 0 && found[2] < 4 && found[3] == 0;

@@ -30,7 +30,7 @@ void print(const Parameters& p) {
 }
 
 struct RangeError {
-  double in_camera = 0, in_arm = 0, depth = 0;  ///< m; rms, rms, mean
+  double in_camera = 0, in_arm = 0;  ///< m, rms
 };
 
 // Of points all over the common view at `range`.
@@ -50,12 +50,11 @@ RangeError error_at(const Parameters& p, const PortRig& rig, const Pose& truth, 
       const Vector3 found = triangulate(p.cameras, pixels);
       e.in_camera += (found - point).squaredNorm();
       e.in_arm += (p.mount * found - truth * point).squaredNorm();
-      e.depth += found.z() - range;
       ++count;
     }
   }
   if (count == 0) return {};
-  return {std::sqrt(e.in_camera / count), std::sqrt(e.in_arm / count), e.depth / count};
+  return {std::sqrt(e.in_camera / count), std::sqrt(e.in_arm / count)};
 }
 
 // The pinholes of a set of parameters, for pictures without distortion.
@@ -101,9 +100,6 @@ int main(int argc, char** argv) {
   const auto arguments = support::parse(
       argc, argv, "Cameras behind flat ports: calibration in air, in water, on the arm.",
       "out/15_calibration");
-  support::Csv csv(arguments.output, "range.csv",
-                   "range,air_camera,air_arm,water_camera,water_arm");
-
   // The same cameras in two media.
   const PortRig in_water = port_rig({}), in_air = port_rig({.water_index = 1});
   Parameters air{"in air", calibrate(in_air, 12, 5)}, water{"in water", calibrate(in_water, 12, 5)};
@@ -130,14 +126,18 @@ int main(int argc, char** argv) {
       "\npoints, rms (mm)     in-air parameters            in-water parameters\n"
       "range      in the camera   on the arm     in the camera   on the arm\n");
   double near_error = 0;
-  for (double range = 0.5; range < 4.01; range += 0.25) {
-    const RangeError a = error_at(air, in_water, wrist.camera(), range);
-    const RangeError w = error_at(water, in_water, wrist.camera(), range);
-    csv.row({range, a.in_camera, a.in_arm, w.in_camera, w.in_arm});
-    if (range == 2) near_error = w.in_arm;
-    if (std::fmod(range, 1) > 0.01 && range != 0.5) continue;
-    std::printf("%4.1f m %13.1f %14.1f %15.1f %14.1f\n", range, 1e3 * a.in_camera, 1e3 * a.in_arm,
-                1e3 * w.in_camera, 1e3 * w.in_arm);
+  {
+    support::Csv csv(arguments.output, "range.csv",
+                     "range,air_camera,air_arm,water_camera,water_arm");
+    for (double range = 0.5; range < 4.01; range += 0.25) {
+      const RangeError a = error_at(air, in_water, wrist.camera(), range);
+      const RangeError w = error_at(water, in_water, wrist.camera(), range);
+      csv.row({range, a.in_camera, a.in_arm, w.in_camera, w.in_arm});
+      if (range == 2) near_error = w.in_arm;
+      if (std::fmod(range, 1) > 0.01 && range != 0.5) continue;
+      std::printf("%4.1f m %13.1f %14.1f %15.1f %14.1f\n", range, 1e3 * a.in_camera, 1e3 * a.in_arm,
+                  1e3 * w.in_camera, 1e3 * w.in_arm);
+    }
   }
 
   // A pipe through the ports; the left picture as it is and rectified by both sets [Fig. 12].
@@ -170,7 +170,6 @@ int main(int argc, char** argv) {
     for (const Parameters* p : {&air, &water}) {
       cv::Mat straight;
       const Intrinsics& c = p->cameras.cameras[0];
-      // To the size of the in-water parameters: f of the other set is smaller.
       cv::undistort(pictures[0], straight, c.matrix, c.distortion);
       straight = perception::thumbnail(straight, 380);
       perception::write_title(straight, p->name);
