@@ -18,17 +18,18 @@ set xlabel 'range (m)'
 set xrange [0.8:4.2]
 set title 'detected (%)'
 set yrange [-5:105]
-set key at 4.15,60
+unset key
 plot for [i=1:6] s = word(scattering, i) + 0 csv using 1:(abs($2-s)<1e-3 ? 100*$3 : 1/0) \
   with linespoints ls i title sprintf('b = %g /m', s)
-unset key
 set autoscale y
 set logscale y
 set format y '%g'
 set title 'error across the axis (mm)'
+set yrange [0.1:100]
 plot for [i=1:6] s = word(scattering, i) + 0 csv using 1:(abs($2-s)<1e-3 ? 1000*$4 : 1/0) \
   with linespoints ls i
 set title 'error along the axis, where an end is seen (mm)'
+set key top right
 plot for [i=1:6] s = word(scattering, i) + 0 csv using 1:(abs($2-s)<1e-3 ? 1000*$5 : 1/0) \
-  with linespoints ls i
+  with linespoints ls i title sprintf('b = %g /m', s)
 unset multiplot
