@@ -299,8 +299,11 @@ class AcousticModem {
     current_.is = on_air_ = false;
     others_turn();
   }
+  // Until others should have spoken. Two agents that have not heard each other, and spoke up to
+  // n − 1 messages apart, do not speak at the same time again: their pauses differ by n + ½.
   void others_turn() noexcept {
-    turn_at_ = elapsed_ + slot_ * (static_cast<double>(agents_ + options_.index) - 0.5);
+    const double n = static_cast<double>(agents_), i = static_cast<double>(options_.index);
+    turn_at_ = elapsed_ + slot_ * (n - 0.5 + i * (n + 0.5));
   }
 
   // What is to be written next, if anything.

@@ -207,10 +207,19 @@ TEST(ByteStream, DoesNotMeetItself) {
     EXPECT_EQ(std::fscanf(range, "%d %d", &first, &last), 2);
     std::fclose(range);
   }
+  // One of those that the system chooses for sockets that connect, free again at once.
   int port = 0;
   {
     Server server;
-    port = server.port;
+    ASSERT_EQ(::listen(server.listening, 1), 0);
+    ByteStream stream(TcpServer{"127.0.0.1", server.port});
+    ASSERT_TRUE(stream.open(0));
+    sockaddr_in own{};
+    socklen_t size = sizeof own;
+    ::getsockname(stream.descriptor(), reinterpret_cast<sockaddr*>(&own), &size);
+    port = ntohs(own.sin_port);
+    const linger reset{1, 0};
+    ::setsockopt(stream.descriptor(), SOL_SOCKET, SO_LINGER, &reset, sizeof reset);
   }
   ASSERT_TRUE(port >= first && port <= last);
   ByteStream stream(TcpServer{"127.0.0.1", port}, {.retry = 1e-9});
