@@ -14,9 +14,9 @@
 /// of one: a message that was not sent yet is replaced by the next one, as it is of no use any
 /// more.
 ///
-/// In each control cycle `exchange` reads and writes what there is, without waiting; `ready` says
-/// that it is this agent's turn; `send` takes its message; `take` gives what has come. What was
-/// lost, doubled, damaged, cut short, or comes from somebody else, is not taken.
+/// In each cycle `exchange` reads and writes what there is, without waiting; `ready` says that it
+/// is this agent's turn; `send` takes its message; `take` gives what has come, if it is whole and
+/// right.
 #pragma once
 
 #include <array>
@@ -130,8 +130,7 @@ class AcousticModem {
   std::uint32_t malformed() const noexcept { return parser_.malformed(); }
   /// The last line that began with ERROR or BUSY, at most 63 characters; empty before the first.
   std::string_view last_refusal() const noexcept { return {refusal_.data(), refusal_size_}; }
-  /// s that one message takes at most, with the way and the pause: the least time between messages
-  /// of two agents.
+  /// s that one message takes at most, with the way there and back and the pause.
   double message_time() const noexcept { return slot_; }
   /// s until every agent has spoken, if nothing is lost. `AgreementOptions::hold` must be longer.
   double round_time() const noexcept { return static_cast<double>(agents_) * slot_; }
@@ -186,7 +185,7 @@ class AcousticModem {
       case ModemAnswerKind::error:
         return refused(answer);
       case ModemAnswerKind::message:
-        receiving_until_ = elapsed_;
+        somebody_speaks();
         return received(answer);
       case ModemAnswerKind::delivered:
         if (on_air_ && options_.acknowledge) part_is_sent();
@@ -197,11 +196,11 @@ class AcousticModem {
         ++counts_.failed;
         return give_up();
       case ModemAnswerKind::send_start:
-        // From now on its end is told; should it not be, this is late enough.
+        // Its end will be told; should it not be, this is late enough.
         if (on_air_ && !options_.acknowledge) on_air_until_ = elapsed_ + 2 * part_time();
         return;
       case ModemAnswerKind::send_end:
-        if (on_air_ && !options_.acknowledge) part_is_sent();
+        if (!options_.acknowledge && on_air_) part_is_sent();
         return;
       case ModemAnswerKind::receive_start:
         receiving_until_ =
@@ -209,15 +208,17 @@ class AcousticModem {
         return;
       case ModemAnswerKind::receive_end:
       case ModemAnswerKind::receive_failed:
-        receiving_until_ = elapsed_;
-        return;
+        return somebody_speaks();
       case ModemAnswerKind::other:
         // The answer to a question among the commands of `setup`.
-        if (awaiting_ == Awaiting::setup && options_.setup[setup_].find('?') != std::string::npos) {
-          accepted();
-        }
+        if (awaiting_ == Awaiting::setup && options_.setup[setup_].find('?') < 64) accepted();
         return;
     }
+  }
+  // A signal has ended; the next part of the same message may follow.
+  void somebody_speaks() noexcept {
+    receiving_until_ = elapsed_;
+    turn_at_ = std::fmax(turn_at_, elapsed_ + 2 * options_.guard);
   }
   void accepted() noexcept {
     if (awaiting_ == Awaiting::setup) ++setup_;
@@ -249,18 +250,14 @@ class AcousticModem {
     while (agent < agents_ && options_.addresses[agent] != answer.source) ++agent;
     if (agent == agents_ || agent == options_.index ||
         (answer.destination != own && answer.destination != broadcast)) {
-      ++counts_.foreign;
-      return;
+      return void(++counts_.foreign);
     }
-    if (answer.integrity < options_.min_integrity) {
-      ++counts_.weak;
-      return;
-    }
+    if (answer.integrity < options_.min_integrity) return void(++counts_.weak);
     Heard& heard = heard_from_[agent];
     const PartResult result = heard.parts.put(agent, answer.data, message_);
-    if (result == PartResult::foreign) ++counts_.foreign;
-    if (result == PartResult::damaged) ++counts_.damaged;
-    if (result == PartResult::doubled) ++counts_.doubled;
+    counts_.foreign += result == PartResult::foreign;
+    counts_.damaged += result == PartResult::damaged;
+    counts_.doubled += result == PartResult::doubled;
     if (result != PartResult::kept && result != PartResult::complete) return;
     const bool first = (std::to_integer<unsigned>(answer.data[0]) & 3u) == 0;
     heard.duration = (first ? 0 : heard.duration) + answer.duration;

@@ -222,7 +222,9 @@ class ModemParser {
     return end + 2;
   }
   std::size_t wrapped(std::string_view text, ModemAnswer& answer, bool& speaks) noexcept {
-    const std::string_view head = text.substr(0, longest_header);
+    std::string_view head = text.substr(0, longest_header);
+    const auto line_end = head.find("\r\n");
+    head = head.substr(0, line_end);  // no further, whatever has come already
     for (auto colon = head.find(':'); colon != head.npos; colon = head.find(':', colon + 1)) {
       const auto second = head.find(':', colon + 1);
       if (second == head.npos) break;
@@ -242,7 +244,7 @@ class ModemParser {
       }
       return begin + size;
     }
-    return text.size() < longest_header && head.find("\r\n") == head.npos ? more : bad;
+    return text.size() < longest_header && line_end == text.npos ? more : bad;
   }
   std::size_t binary(std::string_view text, const detail::modem::BinaryAnswer& known,
                      ModemAnswer& answer, bool& speaks) noexcept {

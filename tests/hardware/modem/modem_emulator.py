@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Acoustic modems of the EvoLogics kind on TCP ports, and the water between them.
 
-Written from what is public of the command language, without a look at the adapter: EviNS
-(github.com/okebkal/evins, src/role_at.erl) and dmac (github.com/EvoLogics/dmac, src/parser.h,
+Written from what is public of the command language; it shares nothing with the adapter but that:
+EviNS (github.com/okebkal/evins, src/role_at.erl) and dmac (github.com/EvoLogics/dmac, src/parser.h,
 msg/DMACPayload.msg) by the manufacturer, DUNE (github.com/LSTS/dune, src/Transports/Evologics).
 
 The water: a signal takes distance / 1500 m/s, and lasts `overhead` + bits / `rate`. A modem that
@@ -30,7 +30,7 @@ class Modem:
         self.port = port
         self.clients = []
         self.extended = False
-        self.sending_until = 0.0
+        self.voice = [(0.0, 0.0)]  # when it transmitted: begin and end
         self.waiting = None  # of an acknowledgement: (destination, handle)
         self.arriving = []  # signals: [begin, end, spoilt]
         self.received = 0
@@ -118,58 +118,59 @@ class Modem:
             return b"ERROR OUT OF RANGE"
         if flag == b"ack" and destination == BROADCAST:
             return b"ERROR WRONG FORMAT"
-        if self.sending_until > now or self.waiting:
+        if self.voice[-1][1] > now or self.waiting:
             return b"BUSY DELIVERING INSTANT MESSAGE"
         if flag != b"force" and any(b <= now < e for b, e, _ in self.arriving):
             return b"BUSY BACKOFF STATE"
         return b"OK"
 
     def transmit_im(self, destination, flag, data):
-        self.transmit(len(data), ("im", destination, flag, data))
+        end = self.transmit(len(data), ("im", destination, flag, data))
         if flag == b"ack":
             self.waiting = (
                 destination,
-                self.water.later(
-                    self.sending_until - self.water.now() + self.water.longest_ack(), self.missed
-                ),
+                self.water.at(end + self.water.longest_ack(), self.missed),
             )
 
+    # What overlaps is judged by the times at which things happen in the water: the callbacks may
+    # come later, as the machine has other things to do.
     def transmit(self, size, what):
         duration = self.water.duration(size)
-        now = self.water.now()
-        self.sending_until = now + duration
-        # Nothing is heard over one's own voice.
-        for signal in self.arriving:
-            signal[2] = True
+        begin = self.water.now()
+        end = begin + duration
+        self.voice = self.voice[-3:] + [(begin, end)]
         if self.extended:
             address = what[1]
             self.tell(b"SENDSTART,%d,%s,%d,0" % (address, what[0].encode(), 1e6 * duration))
-        self.water.later(duration, self.sent, what, duration)
+        self.water.at(end, self.sent, what, duration)
         for other in self.water.modems:
             if other is not self:
-                self.water.later(self.water.delay, other.begin, self, duration, what)
+                signal = [begin + self.water.delay, end + self.water.delay, False]
+                self.water.at(signal[0], other.begin, signal)
+                self.water.at(signal[1], other.end, self, signal, what)
+        return end
 
     def sent(self, what, duration):
         if self.extended:
             now = int(1e6 * self.water.now()) % 2**32
             self.tell(b"SENDEND,%d,%s,%d,%d" % (what[1], what[0].encode(), now, 1e6 * duration))
 
-    def begin(self, sender, duration, what):
-        now = self.water.now()
-        signal = [now, now + duration, self.sending_until > now]
+    def speaks_during(self, begin, end):
+        return any(b < end and begin < e for b, e in self.voice)
+
+    def begin(self, signal):
         for other in self.arriving:
-            if other[1] > now:
+            if other[1] > signal[0]:
                 other[2] = signal[2] = True
         self.arriving.append(signal)
-        if self.extended and self.sending_until <= now:
+        if self.extended and not self.speaks_during(signal[0], signal[0]):
             self.tell(b"RECVSTART")
-        self.water.later(duration, self.end, sender, signal, what)
 
     def end(self, sender, signal, what):
         self.arriving.remove(signal)
         water = self.water
         duration = 1e6 * (signal[1] - signal[0])
-        lost = signal[2] or self.sending_until > signal[0]
+        lost = signal[2] or self.speaks_during(signal[0], signal[1])
         chance = water.random.random()
         if not lost and chance < water.loss:
             lost = True
@@ -202,7 +203,7 @@ class Modem:
         self.tell(text + bytes(data))
         if water.double and self.received % water.double == 0:
             self.tell(text + bytes(data))
-        if flag == b"ack" and self.sending_until <= water.now():
+        if flag == b"ack" and self.voice[-1][1] <= water.now():
             self.transmit(0, ("ack", sender.address, b"", b""))
 
     def missed(self):
@@ -227,8 +228,8 @@ class Water:
     def now(self):
         return self.loop.time()
 
-    def later(self, seconds, function, *arguments):
-        return self.loop.call_later(seconds, function, *arguments)
+    def at(self, time, function, *arguments):
+        return self.loop.call_at(time, function, *arguments)
 
     def duration(self, size):
         return self.overhead + 8 * size / self.rate
