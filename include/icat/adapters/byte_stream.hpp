@@ -39,7 +39,7 @@ struct SerialPort {
 
 /// A device that listens for TCP connections. Names are not resolved, as that would wait.
 struct TcpServer {
-  std::string address;  ///< numbers, such as "192.168.0.206" or "::1"
+  std::string address;  ///< in numbers, such as "127.0.0.1" or "::1"
   int port{0};          ///< 1 … 65535
 };
 

@@ -260,6 +260,26 @@ TEST(ModemLoop, WithoutTheModemTheRobotsStop) {
   EXPECT_EQ(made, 0);
 }
 
+// What the page shows.
+TEST(ModemLoop, IsMadeInTwoLines) {
+  {
+    //! [modem]
+    icat::ByteStream stream(icat::TcpServer{"127.0.0.1", 9200});
+    icat::AcousticModem modem({.addresses = {1, 2}, .index = 0, .range = 15});
+    //! [modem]
+    EXPECT_FALSE(modem.healthy());
+    EXPECT_NEAR(modem.round_time(), 0.80, 0.01);
+  }
+  {
+    //! [serial]
+    icat::ByteStream line(icat::SerialPort{"/dev/ttyUSB0", 19200});
+    icat::AcousticModem modem({.message_size = 168, .line_end = '\r', .range = 15});
+    //! [serial]
+    EXPECT_FALSE(line.is_open());
+    EXPECT_NEAR(modem.round_time(), 3.83, 0.01);
+  }
+}
+
 // Messages of `sides` without robots, as fast as they may; what is sent is known by its round.
 struct Talk {
   Talk(const Water& water, std::size_t agents, const ModemOptions& options) {
