@@ -43,7 +43,7 @@ struct AcousticModemOptions {
   std::size_t message_size{24};        ///< bytes of the longest message that is sent, 1 … 224
   bool acknowledge{false};             ///< ask for acknowledgements; for two agents only
   ModemMode mode{ModemMode::command};  ///< how commands reach the modem
-  char line_end{'\n'};                 ///< of commands: '\n' over TCP, '\r' over a serial line
+  char line_end{'\n'};                 ///< of commands: LF over TCP, CR over a serial line
   /// Commands after the connection: take control, and extended notification.
   std::vector<std::string> setup{"AT@CTRL", "AT@ZX1"};
   double bit_rate{976};      ///< bit/s of instant messages, > 0 [Coop, I: the slowest modem]
