@@ -336,7 +336,7 @@ class AcousticModem {
     }
     const bool begun = current_.is && current_.part > 0;
     // What is begun is nearly there: it may be older.
-    const double oldest = options_.max_age + (begun ? slot_ : 0.0);
+    const double oldest = options_.max_age + (begun ? 2 * slot_ : 0.0);
     if (current_.is && elapsed_ - current_.since > oldest) {
       ++counts_.expired;
       return give_up();

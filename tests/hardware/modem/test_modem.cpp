@@ -449,6 +449,17 @@ TEST(AcousticModem, CutsWhatIsLongAndKeepsItTogether) {
   EXPECT_EQ(desk.run(0.1, "OK\r\nSENDEND,2,im,1,624590\r\n"), "");
   EXPECT_EQ(desk.modem.counts().sent, 1u);
 
+  // One whose parts find the modem busy for too long is left.
+  Desk busy(options);
+  busy.run(0.01);
+  ASSERT_EQ(busy.modem.send(4, bytes(m)), Status::ok);
+  EXPECT_EQ(busy.run(0.1), command(all[0]));
+  EXPECT_EQ(busy.run(0.1, "OK\r\nSENDEND,2,im,1,624590\r\n"), command(all[1]));
+  for (int k = 0; k < 60; ++k) busy.run(0.1, "BUSY DELIVERING INSTANT MESSAGE\r\n");
+  EXPECT_EQ(busy.modem.counts().expired, 1u);
+  busy.run(1.6 * busy.modem.message_time());
+  EXPECT_TRUE(busy.modem.ready());
+
   Desk receiver({.addresses = {2, 1}, .index = 1, .message_size = 168, .setup = {}});
   receiver.run(0.01, received(all[0]));
   EXPECT_FALSE(receiver.modem.take(0));
