@@ -44,11 +44,12 @@ class NmeaSentence {
     s.finish();
     return s;
   }
-  /// Position and velocity. `utc`: s since 1970; the position's own time does not count.
+  /// Position and velocity. `utc`: s since 1970, of the years 1980 … 2079, of which two digits are
+  /// sent; the position's own time does not count.
   static NmeaSentence rmc(const NmeaPosition& position, const NmeaVelocity& velocity, double utc,
                           std::string_view talker = "GP") noexcept {
     NmeaSentence s(talker, "RMC,");
-    if (!(utc >= 0 && utc < 4e9)) return empty();
+    if (!(utc >= 315532800 && utc < 3471292800 - 0.005)) return empty();
     // Rounded first, so that no second is the 60th.
     const long long centi = std::llround(utc * 100), day = centi / 8640000;
     s.time_of_day(static_cast<double>(centi % 8640000) / 100);
