@@ -4,7 +4,7 @@
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
 need g++:g++ clang:clang++ cmake:cmake ninja-build:ninja ccache:ccache libeigen3-dev libgtest-dev \
-  libmujoco-dev libcli11-dev gpsd gpsd-clients
+  libmujoco-dev libcli11-dev gpsd
 need_compiler
 need_sanitizers
 python_tools

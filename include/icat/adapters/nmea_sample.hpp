@@ -107,7 +107,7 @@ inline double wrap(double radians) noexcept {
   constexpr double turn = 2 * std::numbers::pi;
   radians = std::fmod(radians, turn);
   if (radians < 0) radians += turn;
-  return radians < turn ? radians : 0;
+  return radians >= turn ? 0 : radians;  // NaN stays
 }
 
 inline Status from_mode(std::string_view mode, NmeaQuality& quality) noexcept {
