@@ -12,14 +12,11 @@
 namespace icat {
 
 /// The velocity over ground of `sample`, as the estimators want it. Without bottom track, or on the
-/// earth's axes, no beam has found the ground: `correct_dvl` answers `not_measured`.
-/// @param sample  as decoded
-/// @param beam_3  azimuth of beam 3, rad, as in `DvlOptions`: which beam is which of `DvlGeometry`.
-///                Each of the four takes the beam nearest to it, which with beam 3 ahead is 45°
-///                off: the covariance of three beams is then turned by so much.
+/// earth's axes, no beam has found the ground: `correct_dvl` answers `not_measured`. Each beam of
+/// `DvlGeometry` is the instrument's nearest to it; with beam 3 straight ahead they are 45° apart,
+/// and the covariance of three beams is turned by so much.
 template <class Scalar>
-DvlMeasurement<Scalar> dvl_measurement(const DvlSample& sample,
-                                       double beam_3 = std::numbers::pi / 4) noexcept {
+DvlMeasurement<Scalar> dvl_measurement(const DvlSample& sample) noexcept {
   DvlMeasurement<Scalar> m;
   m.beams = {false, false, false, false};
   if (!sample.bottom.valid || sample.frame != DvlFrame::vehicle) return m;
@@ -28,7 +25,7 @@ DvlMeasurement<Scalar> dvl_measurement(const DvlSample& sample,
   }
   // Seen from above, clockwise from beam 3: 3, 2, 4, 1. Of `DvlGeometry`: 45°, 135°, 225°, 315°.
   constexpr std::array<std::size_t, 4> clockwise{2, 1, 3, 0};
-  const double quarters = (beam_3 - std::numbers::pi / 4) / (std::numbers::pi / 2);
+  const double quarters = (sample.beam_3 - std::numbers::pi / 4) / (std::numbers::pi / 2);
   const int shift = std::isfinite(quarters) && std::abs(quarters) < 1e6
                         ? static_cast<int>(std::lround(quarters))
                         : 0;

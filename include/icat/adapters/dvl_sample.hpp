@@ -48,6 +48,7 @@ struct DvlSample {
   std::uint32_t ensemble{0};   ///< its number, which PD6 has not: 0
   double instrument_time{-1};  ///< s since 2000-01-01 on the instrument's clock; −1: not set
   DvlFrame frame{DvlFrame::vehicle};  ///< of the velocities
+  double beam_3{0};                   ///< azimuth of beam 3, rad, as `DvlOptions` told it
   DvlVelocity bottom;                 ///< over ground
   DvlVelocity water;                  ///< through the layer of water below
   /// Distance of the bottom along the instrument's axis as beams 1 … 4 see it, m; 0: none seen, or

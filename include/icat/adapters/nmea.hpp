@@ -155,7 +155,7 @@ class NmeaDecoder {
     } else if (type == "ZDA") {
       double time = 0;
       status = detail::nmea::parse_zda(f, time);
-      if (status == Status::ok) utc_.put(time, now);
+      if (status == Status::ok && time != utc_.value) utc_.put(time, now);
     } else if (type == "HDT" || type == "THS" || type == "HDM") {
       status = heading(f, type, now);
     } else if (type == "HDG") {
@@ -283,6 +283,8 @@ class NmeaDecoder {
 
     const Status status = take(p, now);
     if (status != Status::ok) return status;
+    if (p.utc == rmc_utc_) return Status::ok;  // doubled, or of a receiver that repeats itself
+    rmc_utc_ = p.utc;
     if (has_speed) velocity_.put(v, now);
     if (date >= 0) utc_.put(date + p.utc, now);
     if (!f[9].empty()) variation_.put(variation, now);
@@ -349,6 +351,7 @@ class NmeaDecoder {
   }
 
   Options options_{};
+  double rmc_utc_{-1};
   std::array<char, longest> buffer_{};
   std::size_t size_{0};
   bool inside_{false};

@@ -159,6 +159,7 @@ class Pd0Decoder {
       return false;
     }
     DvlSample s;
+    s.beam_3 = options_.beam_3;
     s.ensemble = u16(variable + 2) + (static_cast<std::uint32_t>(buffer_[variable + 11]) << 16);
     leader(variable, s);
     if (!in_order(s, now)) return false;

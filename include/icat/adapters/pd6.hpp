@@ -114,6 +114,7 @@ class Pd6Decoder {
     if (stage == 0) {
       spoil();
       ensemble_ = DvlSample{};
+      ensemble_.beam_3 = options_.beam_3;
       bottom_ = water_ = Track{};
       bits_ = 0;
     } else if (stage_ < 0) {

@@ -271,6 +271,21 @@ TEST(Pd0, NoBitAndNoByteMakesAWrongValue) {
   }
 }
 
+TEST(Pd0, ACutEnsembleCostsNoOther) {
+  Pd0 f;
+  const Bytes whole = f.bytes();
+  for (std::size_t cut = 0; cut < whole.size(); ++cut) {
+    Pd0Decoder dvl({.longest = 512});
+    EXPECT_EQ(dvl.put({whole.data(), cut}, 0), 0);
+    int found = 0;
+    for (std::uint32_t k = 1; k <= 5; ++k) {
+      f.number = 10 + k;
+      found += dvl.put(f.bytes(), 0);
+    }
+    ASSERT_EQ(found, 5) << cut;
+  }
+}
+
 TEST(Pd0, FindsTheNextEnsembleWithinTheLongest) {
   std::mt19937 random(7);
   const int longest = 512;
@@ -310,6 +325,7 @@ TEST(Pd0, FindsTheNextEnsembleWithinTheLongest) {
 TEST(Dvl, GoesIntoTheEstimator) {
   // Beam 3 at 45 degrees is the front right one of DvlGeometry, beam 4 the back left one.
   icat::DvlSample s;
+  s.beam_3 = 45 * degree;
   s.bottom.valid = true;
   s.bottom.beams = {true, true, false, true};
   auto m = icat::dvl_measurement<double>(s);
@@ -318,17 +334,18 @@ TEST(Dvl, GoesIntoTheEstimator) {
   EXPECT_EQ(icat::dvl_measurement<double>(s).beams, (std::array<bool, 4>{true, true, false, true}));
   // Beam 3 at 135 degrees is the back right one.
   s.bottom.beams = {true, true, false, true};
-  EXPECT_EQ(icat::dvl_measurement<double>(s, 135 * degree).beams,
-            (std::array<bool, 4>{true, false, true, true}));
-  EXPECT_EQ(icat::dvl_measurement<double>(s, -45 * degree).beams,
-            (std::array<bool, 4>{true, true, true, false}));
+  s.beam_3 = 135 * degree;
+  EXPECT_EQ(icat::dvl_measurement<double>(s).beams, (std::array<bool, 4>{true, false, true, true}));
+  s.beam_3 = -45 * degree;
+  EXPECT_EQ(icat::dvl_measurement<double>(s).beams, (std::array<bool, 4>{true, true, true, false}));
   // The same beams by geometry: of each beam of DvlGeometry, the instrument's nearest in azimuth.
   icat::DvlGeometry<double> geometry;
   for (const double beam_3 : {45.0, 135.0, -45.0, -135.0}) {
     for (std::size_t lost = 0; lost < 4; ++lost) {
       s.bottom.beams = {true, true, true, true};
       s.bottom.beams[lost] = false;
-      const auto beams = icat::dvl_measurement<double>(s, beam_3 * degree).beams;
+      s.beam_3 = beam_3 * degree;
+      const auto beams = icat::dvl_measurement<double>(s).beams;
       const double azimuth = (beam_3 + std::array<double, 4>{-90, 90, 0, 180}[lost]) * degree;
       for (int i = 0; i < 4; ++i) {
         const auto b = geometry.beam(i);

@@ -181,6 +181,24 @@ TEST(Nmea, ThreeSentencesOfOneTimeAreOneFix) {
   EXPECT_FALSE(nmea.position().fresh(22, 20));
 }
 
+TEST(Nmea, ADoubledRmcMakesNoVelocityFresh) {
+  NmeaDecoder nmea;
+  const std::string rmc =
+      summed("GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,W");
+  const std::string zda = summed("GPZDA,160012.71,11,03,2004,00,00");
+  EXPECT_EQ(put(nmea, rmc, 1), 1);
+  EXPECT_EQ(put(nmea, rmc, 2), 0);
+  EXPECT_EQ(nmea.velocity().time, 1);
+  EXPECT_EQ(nmea.utc().time, 1);
+  EXPECT_EQ(put(nmea, zda, 3), 1);
+  EXPECT_EQ(put(nmea, zda, 4), 0);
+  EXPECT_EQ(nmea.utc().time, 3);
+  // GGA first, as most receivers send it: the velocity is new all the same.
+  EXPECT_EQ(put(nmea, summed("GPGGA,123520,4807.038,N,01131.000,E,1,08,0.9,5.4,M,46.9,M,,"), 5), 1);
+  EXPECT_EQ(put(nmea, summed("GPRMC,123520,A,4807.038,N,01131.000,E,1,2,230394,,"), 5), 1);
+  EXPECT_EQ(nmea.velocity().time, 5);
+}
+
 TEST(Nmea, WhatIsLateIsRefusedUntilTheReceiverBeganAnew) {
   NmeaDecoder nmea;
   EXPECT_EQ(put(nmea, gll("225444.20", "16.45"), 1), 1);

@@ -120,7 +120,7 @@ TEST(NmeaPeers, Pynmea2ReadsWhatIsEncoded) {
       p.geoid = uniform(-100, 100);
       p.hdop = 0.5 + k % 7;
       const icat::NmeaVelocity v{uniform(0, 20), true, uniform(0, 6.283)};
-      const double day = 86400.0 * std::floor(uniform(0, 24000)), heading = uniform(0, 6.283);
+      const double day = 86400.0 * std::floor(uniform(3652, 24000)), heading = uniform(0, 6.283);
       file << NmeaSentence::gga(p).view() << NmeaSentence::rmc(p, v, day + p.utc).view()
            << NmeaSentence::hdt(heading).view()
            << NmeaSentence::dpt({uniform(0, 100), {}, uniform(-2, 2)}).view();
