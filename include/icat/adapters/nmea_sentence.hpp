@@ -143,8 +143,8 @@ class NmeaSentence {
   }
   void time_of_day(double utc) noexcept {
     if (utc >= 0) {
-      const long long centi = std::llround(utc * 100);
-      if (!(utc < 86401) || centi >= 8640000) {
+      const long long centi = utc < 86401 ? std::llround(utc * 100) : 8640000;
+      if (centi >= 8640000) {
         good_ = false;
         return;
       }
