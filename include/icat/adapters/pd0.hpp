@@ -25,6 +25,7 @@
 #pragma once
 
 #include <algorithm>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -82,8 +83,11 @@ class Pd0Decoder {
 
   /// The last ensemble; its bottom track may be invalid.
   const Received<DvlSample>& sample() const noexcept { return sample_; }
-  /// s at `now` since an ensemble with bottom track; infinite before the first.
-  double bottom_age(double now) const noexcept { return now - bottom_time_; }
+  /// s at `now` since an ensemble with bottom track; infinite before the first, and where the
+  /// caller's clock was set back behind it.
+  double bottom_age(double now) const noexcept {
+    return now >= bottom_time_ ? now - bottom_time_ : std::numeric_limits<double>::infinity();
+  }
   /// Ensembles whose sum was right.
   std::uint32_t ensembles() const noexcept { return ensembles_; }
   /// Headers whose ensemble had another sum; false ones, within data, count too.

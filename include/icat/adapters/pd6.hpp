@@ -22,6 +22,7 @@
 /// that changes the speed by less than `agreement` gets through. Prefer PD0.
 #pragma once
 
+#include <limits>
 #include <span>
 #include <string_view>
 
@@ -71,8 +72,11 @@ class Pd6Decoder {
 
   /// The last ensemble; its bottom track may be invalid.
   const Received<DvlSample>& sample() const noexcept { return sample_; }
-  /// s at `now` since an ensemble with bottom track; infinite before the first.
-  double bottom_age(double now) const noexcept { return now - bottom_time_; }
+  /// s at `now` since an ensemble with bottom track; infinite before the first, and where the
+  /// caller's clock was set back behind it.
+  double bottom_age(double now) const noexcept {
+    return now >= bottom_time_ ? now - bottom_time_ : std::numeric_limits<double>::infinity();
+  }
   /// Ensembles that were whole.
   std::uint32_t ensembles() const noexcept { return ensembles_; }
   /// Ensembles that had a damaged, missing or doubled line, or whose velocities disagree.

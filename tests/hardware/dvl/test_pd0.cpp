@@ -221,6 +221,22 @@ TEST(Pd0, OrderDoublesAndRestart) {
   EXPECT_EQ(put(2, 14.1), 1);  // the number wraps around
 }
 
+TEST(Pd0, AgeOfTheBottom) {
+  Pd0Decoder dvl;
+  Pd0 f;
+  EXPECT_TRUE(std::isinf(dvl.bottom_age(1)));
+  EXPECT_EQ(dvl.put(f.bytes(), 1), 1);
+  EXPECT_EQ(dvl.bottom_age(1.5), 0.5);
+  EXPECT_TRUE(std::isinf(dvl.bottom_age(0.9)));  // the clock was set back
+  EXPECT_TRUE(std::isinf(dvl.bottom_age(std::nan(""))));
+  // An ensemble without bottom is a sample all the same.
+  f.number = 2;
+  f.bottom = {bad, bad, bad, bad};
+  EXPECT_EQ(dvl.put(f.bytes(), 2), 1);
+  EXPECT_EQ(dvl.bottom_age(2.5), 1.5);
+  EXPECT_EQ(dvl.sample().age(2.5), 0.5);
+}
+
 TEST(Pd0, LimitsOfOptions) {
   EXPECT_THROW(Pd0Decoder({.beam_3 = 45}), std::invalid_argument);
   EXPECT_THROW(Pd0Decoder({.restart_after = 0}), std::invalid_argument);
