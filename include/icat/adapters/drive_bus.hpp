@@ -129,8 +129,9 @@ class DriveBus {
     return false;
   }
   /// One cycle at `now`, s. Hands at most 3 n + 2 frames to `send`, `bool(const CanFrame&)`, which
-  /// returns false where the transport takes no more. Returns whether all were taken; what was not
-  /// is sent at the next call, commands as they are then. A time that is not finite does nothing.
+  /// must not throw and returns false where the transport takes no more. Returns whether all were
+  /// taken; what was not is sent at the next call, commands as they are then. A time that is not
+  /// finite does nothing.
   template <class Send>
   bool send(double now, Send&& send) noexcept {
     if (!std::isfinite(now)) return false;
