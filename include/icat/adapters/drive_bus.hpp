@@ -85,6 +85,7 @@ constexpr const char* describe(StopCause cause) noexcept {
 class DriveBus {
  public:
   /// @param drives in the order of the robot's joints.
+  /// @param options of the bus.
   /// @throws std::invalid_argument on no drive, two drives of one node or one of ours, and on
   ///         options out of range, with the name of the drive.
   [[gnu::cold]] explicit DriveBus(const std::vector<DriveOptions>& drives,
