@@ -160,8 +160,10 @@ class DriveBus {
   }
 
   /// Asks for operation: from whatever state, also from a fault, which is reset. `not_started`
-  /// where a drive is not `ready`: nothing happens. Commands count once all drives operate.
+  /// where a drive is not `ready`: nothing happens. Commands count once all drives operate. Until a
+  /// stop, further calls change nothing.
   Status enable(double now) noexcept {
+    if (request_ == DriveRequest::enabled) return Status::ok;
     if (!ready(now)) return Status::not_started;
     request_ = DriveRequest::enabled;
     cause_ = StopCause::none;

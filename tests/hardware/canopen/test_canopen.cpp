@@ -307,7 +307,9 @@ TEST(Cia402, AFaultThatStaysEndsTheTry) {
           edges += (f.data[0] & 0x80) && !high;
           high = f.data[0] & 0x80;
         }
-        return line.bus.cause() == StopCause::fault;
+        if (line.bus.cause() == StopCause::fault) return true;
+        EXPECT_EQ(line.bus.enable(line.now), Status::ok) << "asked again and again: the same try";
+        return false;
       },
       2));
   EXPECT_EQ(edges, 3);
