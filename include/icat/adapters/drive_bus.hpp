@@ -85,6 +85,7 @@ constexpr const char* describe(StopCause cause) noexcept {
 class DriveBus {
  public:
   /// @param drives in the order of the robot's joints.
+  /// @param options of the bus.
   /// @throws std::invalid_argument on no drive, two drives of one node or one of ours, and on
   ///         options out of range, with the name of the drive.
   [[gnu::cold]] explicit DriveBus(const std::vector<DriveOptions>& drives,
@@ -129,8 +130,9 @@ class DriveBus {
     return false;
   }
   /// One cycle at `now`, s. Hands at most 3 n + 2 frames to `send`, `bool(const CanFrame&)`, which
-  /// returns false where the transport takes no more. Returns whether all were taken; what was not
-  /// is sent at the next call, commands as they are then. A time that is not finite does nothing.
+  /// must not throw and returns false where the transport takes no more. Returns whether all were
+  /// taken; what was not is sent at the next call, commands as they are then. A time that is not
+  /// finite does nothing.
   template <class Send>
   bool send(double now, Send&& send) noexcept {
     if (!std::isfinite(now)) return false;
@@ -158,8 +160,10 @@ class DriveBus {
   }
 
   /// Asks for operation: from whatever state, also from a fault, which is reset. `not_started`
-  /// where a drive is not `ready`: nothing happens. Commands count once all drives operate.
+  /// where a drive is not `ready`: nothing happens. Commands count once all drives operate. Until a
+  /// stop, further calls change nothing.
   Status enable(double now) noexcept {
+    if (request_ == DriveRequest::enabled) return Status::ok;
     if (!ready(now)) return Status::not_started;
     request_ = DriveRequest::enabled;
     cause_ = StopCause::none;

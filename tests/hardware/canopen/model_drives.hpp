@@ -46,7 +46,7 @@ struct Drive {
   double heartbeat_period{0.1}, next_heartbeat{0};
   std::uint16_t control{0}, extra_status{0};
   std::int32_t target{0}, position{0};
-  int setpoints{0};
+  int setpoints{0}, acknowledges{0}, acknowledges_for{0};  // cycles
 
   void boot(std::vector<CanFrame>& out) {
     nmt = NmtState::pre_operational;
@@ -123,11 +123,16 @@ struct Drive {
       const auto c = static_cast<std::uint16_t>(f.data[0] | f.data[1] << 8);
       if (objects[0x606000] == 3) target = static_cast<std::int32_t>(value);
       if (objects[0x606000] == 1 && state == DriveState::operation_enabled) {
-        if ((c & 0x10) && !bit4) {
+        if ((c & 0x10) && !bit4 && !acknowledged) {
           target = static_cast<std::int32_t>(value);
           ++setpoints;
         }
-        acknowledged = c & 0x10;
+        if (c & 0x10) {
+          acknowledged = true;
+          acknowledges = acknowledges_for;
+        } else if (--acknowledges <= 0) {
+          acknowledged = false;
+        }
       }
       controlword(c);
     } else if (nmt == NmtState::operational && f.id == 0x80) {

@@ -307,7 +307,9 @@ TEST(Cia402, AFaultThatStaysEndsTheTry) {
           edges += (f.data[0] & 0x80) && !high;
           high = f.data[0] & 0x80;
         }
-        return line.bus.cause() == StopCause::fault;
+        if (line.bus.cause() == StopCause::fault) return true;
+        EXPECT_EQ(line.bus.enable(line.now), Status::ok) << "asked again and again: the same try";
+        return false;
       },
       2));
   EXPECT_EQ(edges, 3);
@@ -396,6 +398,14 @@ TEST(Cia402, PositionGoesByHandshake) {
   for (int k = 0; k < 8; ++k) line.cycle();
   EXPECT_EQ(line.drives[0].target, -28000) << "the last one counts";
   EXPECT_GE(line.drives[0].setpoints, 9);
+  // A drive that takes its time until it may have the next one.
+  line.drives[0].acknowledges_for = 7;
+  for (int k = 1; k <= 40; ++k) {
+    EXPECT_EQ(line.bus.command_position(0, 1.9 + 0.01 * k, line.now), Status::ok);
+    line.cycle();
+  }
+  for (int k = 0; k < 20; ++k) line.cycle();
+  EXPECT_EQ(line.drives[0].target, -36000);
   // A stop forgets it; after that it is a new one.
   line.bus.stop();
   ASSERT_TRUE(
@@ -511,6 +521,10 @@ TEST(DriveBus, HeartbeatLossIsMoreThanThreePeriods) {
 TEST(DriveBus, AnAbsentOrWrongDriveIsNoArm) {
   model::Line line({shoulder, elbow});
   line.drives[1].answers = false;
+  // Who knows how it lays out its data.
+  line.bus.receive({0x182, 8, {0x37, 2, 9, 9, 9, 9}}, line.now);
+  EXPECT_EQ(line.bus.drive(1).sample().count, 0u);
+  EXPECT_EQ(line.bus.drive(1).state(), DriveState::unknown);
   EXPECT_FALSE(line.until([&] { return line.bus.ready(line.now); }, 3));
   EXPECT_EQ(line.bus.enable(line.now), Status::not_started);
   line.drives[1].device = 0x20191;  // inputs and outputs
