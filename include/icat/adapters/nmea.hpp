@@ -18,9 +18,9 @@
 /// Source: NMEA 0183, as "NMEA Revealed" (E. S. Raymond, gpsd) and IEC 61162-1 tell it. A sentence
 /// that says of itself that it has no measurement (status V, quality 0, mode N, an empty field)
 /// changes nothing. Neither does one with a wrong checksum, a malformed field, a value out of its
-/// range, or, of GPS, an older time. The XOR of eight bits finds every single bit and every odd
-/// number of flips in a column; two flips in one column pass, which the gates of an estimator are
-/// for.
+/// range, or an older time than the one before. The XOR of eight bits finds every single bit and
+/// every odd number of flips in a column; two flips in one column pass, which the gates of an
+/// estimator are for.
 #pragma once
 
 #include <array>
@@ -46,8 +46,8 @@ class NmeaDecoder {
     bool checksum_required = true;  ///< sentences without one are refused
     /// No position or velocity by dead reckoning, manual input or a simulator.
     bool satellites_only = true;
-    /// After so long without a position, s, > 0, one with an older time counts as new: the receiver
-    /// has begun anew.
+    /// After so long without a fix that has a time, s, > 0, one with an older time counts as new:
+    /// the receiver has begun anew. The same holds for `utc`.
     double restart_after = 2;
   };
   /// The longest sentence without $ and the end of line; the standard says 79.
@@ -107,8 +107,8 @@ class NmeaDecoder {
   const Received<double>& utc() const noexcept { return utc_; }
 
   /// Of the last whole sentence of a type above. `not_measured`: it says so itself;
-  /// `time_reversed`: a fix older than the last one; `implausible`: a malformed field or one out of
-  /// range.
+  /// `time_reversed`: a fix or a time older than the last one; `implausible`: a malformed field or
+  /// one out of range.
   Status status() const noexcept { return status_; }
   /// Sentences, of any type, whose checksum was right.
   std::uint32_t sentences() const noexcept { return sentences_; }
@@ -155,7 +155,7 @@ class NmeaDecoder {
     } else if (type == "ZDA") {
       double time = 0;
       status = detail::nmea::parse_zda(f, time);
-      if (status == Status::ok && time != utc_.value) utc_.put(time, now);
+      if (status == Status::ok) status = take_utc(time, now);
     } else if (type == "HDT" || type == "THS" || type == "HDM") {
       status = heading(f, type, now);
     } else if (type == "HDG") {
@@ -185,14 +185,14 @@ class NmeaDecoder {
   // `time_reversed` where it is older than the last one; `same` where it is the same fix.
   Status order(double utc, double now, bool& same) const noexcept {
     same = false;
-    const double last = position_.value.utc;
-    if (position_.count == 0 || utc < 0 || last < 0) return Status::ok;
-    double step = std::fmod(utc - last, 86400);  // (−1 day, 1 day), over midnight the short way
+    if (fix_utc_.count == 0 || utc < 0) return Status::ok;
+    // (−1 day, 1 day), over midnight the short way
+    double step = std::fmod(utc - fix_utc_.value, 86400);
     if (step > 43200) step -= 86400;
     if (step < -43200) step += 86400;
     same = step == 0;
-    return step < 0 && position_.fresh(now, options_.restart_after) ? Status::time_reversed
-                                                                    : Status::ok;
+    return step < 0 && fix_utc_.fresh(now, options_.restart_after) ? Status::time_reversed
+                                                                   : Status::ok;
   }
   Status take(const NmeaPosition& p, double now) noexcept {
     bool same = false;
@@ -200,7 +200,8 @@ class NmeaDecoder {
     if (status != Status::ok) return status;
     if (!same) {
       position_.put(p, now);
-    } else if (p.has_altitude && !position_.value.has_altitude) {
+      if (p.utc >= 0) fix_utc_.put(p.utc, now);
+    } else if (p.has_altitude && !position_.value.has_altitude && p.utc == position_.value.utc) {
       // What GGA alone knows; the place is the first one's, so that it is no second measurement.
       NmeaPosition& kept = position_.value;
       kept.has_altitude = true;
@@ -209,6 +210,12 @@ class NmeaDecoder {
       kept.hdop = p.hdop;
       kept.satellites = p.satellites;
     }
+    return Status::ok;
+  }
+  // The same time again is no news.
+  Status take_utc(double utc, double now) noexcept {
+    if (utc < utc_.value && utc_.fresh(now, options_.restart_after)) return Status::time_reversed;
+    if (utc != utc_.value) utc_.put(utc, now);
     return Status::ok;
   }
 
@@ -286,7 +293,8 @@ class NmeaDecoder {
     if (p.utc == rmc_utc_) return Status::ok;  // doubled, or of a receiver that repeats itself
     rmc_utc_ = p.utc;
     if (has_speed) velocity_.put(v, now);
-    if (date >= 0) utc_.put(date + p.utc, now);
+    // Another sentence may know a later time: the fix is one all the same.
+    if (date >= 0) (void)take_utc(date + p.utc, now);
     if (!f[9].empty()) variation_.put(variation, now);
     return Status::ok;
   }
@@ -352,6 +360,7 @@ class NmeaDecoder {
 
   Options options_{};
   double rmc_utc_{-1};
+  Received<double> fix_utc_;  // of the last fix that has a time
   std::array<char, longest> buffer_{};
   std::size_t size_{0};
   bool inside_{false};

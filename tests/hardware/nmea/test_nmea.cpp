@@ -212,6 +212,39 @@ TEST(Nmea, WhatIsLateIsRefusedUntilTheReceiverBeganAnew) {
   EXPECT_EQ(put(nmea, gll("235959.95"), 4.2), 0);
 }
 
+// A sentence without time is a fix, yet the last time is known all the same.
+TEST(Nmea, AFixWithoutTimeDoesNotMakeADoubledOneNew) {
+  NmeaDecoder nmea;
+  const std::string gga = summed("GPGGA,225444,4916.45,N,12311.12,W,4,08,0.9,5.5,M,46.9,M,,");
+  EXPECT_EQ(put(nmea, gga, 1), 1);
+  EXPECT_EQ(put(nmea, summed("GPGLL,4917.00,N,12311.12,W,,A"), 1.1), 1);
+  EXPECT_EQ(put(nmea, gga, 1.2), 0);
+  EXPECT_EQ(put(nmea, gll("225443.00"), 1.3), 0);
+  EXPECT_EQ(nmea.status(), Status::time_reversed);
+  EXPECT_NEAR(nmea.position().value.latitude, (49 + 17.0 / 60) * degree, 1e-15);
+  EXPECT_FALSE(nmea.position().value.has_altitude);  // that of another place
+  EXPECT_EQ(nmea.position().time, 1.1);
+  // Those without time do not keep a receiver out that began anew.
+  EXPECT_EQ(put(nmea, summed("GPGLL,4917.00,N,12311.12,W,,A"), 3), 1);
+  EXPECT_EQ(put(nmea, gll("225440.00"), 3.1), 1);
+}
+
+TEST(Nmea, TimeDoesNotRunBackwards) {
+  NmeaDecoder nmea;
+  EXPECT_EQ(put(nmea, summed("GPZDA,160012.00,11,03,2004,00,00"), 1), 1);
+  EXPECT_EQ(put(nmea, summed("GPZDA,160011.00,11,03,2004,00,00"), 1.1), 0);
+  EXPECT_EQ(nmea.status(), Status::time_reversed);
+  // An RMC that was under way for longer is a fix, yet no time.
+  EXPECT_EQ(put(nmea, summed("GPRMC,160011,A,4807.038,N,01131.000,E,1,2,110304,,"), 1.2), 1);
+  EXPECT_EQ(nmea.utc().value, 1079020812);
+  EXPECT_EQ(nmea.utc().time, 1);
+  EXPECT_EQ(put(nmea, summed("GPZDA,160013.00,11,03,2004,00,00"), 1.3), 1);
+  // A receiver that began anew, with the clock that it is sold with.
+  EXPECT_EQ(put(nmea, summed("GPZDA,000000.00,06,01,1980,00,00"), 2), 0);
+  EXPECT_EQ(put(nmea, summed("GPZDA,000002.00,06,01,1980,00,00"), 4), 1);
+  EXPECT_EQ(nmea.utc().value, 315964802);
+}
+
 // Sentences whose values are told apart from all damaged ones.
 const std::string& clean() {
   static const std::string all =
