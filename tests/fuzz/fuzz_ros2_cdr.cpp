@@ -87,7 +87,7 @@ void odometry(ros2::Bytes bytes, std::vector<std::uint8_t>& room) {
           same(m.pose_covariance, again.pose_covariance) &&
           same(m.twist_covariance, again.twist_covariance));
   icat::Odometry o = m.odometry;
-  if (ros2::normalize(o) != icat::Status::ok) return;
+  if (icat::normalize(o) != icat::Status::ok) return;
   double square = 0;
   for (const double x : o.orientation) square += x * x;
   require(std::fabs(square - 1) < 1e-12);

@@ -263,7 +263,7 @@ class DdsOdometry {
     return messages_.take([&](ros2::Bytes bytes, bool is_new) {
       if (is_new) stamps_.restart();
       ros2::OdometryMessage message;
-      if (!ros2::decode(bytes, message) || ros2::normalize(message.odometry) != Status::ok ||
+      if (!ros2::decode(bytes, message) || normalize(message.odometry) != Status::ok ||
           stamps_.accept(message.header.stamp()) != Status::ok) {
         ++refused_;
         return;
