@@ -5,7 +5,8 @@
 ///
 /// `open` is called once per cycle. It opens the stream where it is closed, with a pause between
 /// two tries, and finishes a connection that is under way. A stream that breaks closes itself;
-/// the next `open` begins anew. No call waits, allocates, throws or raises a signal (SIGPIPE).
+/// the next `open` begins anew. No call but `close` of a serial line waits; none allocates, throws
+/// or raises a signal (SIGPIPE).
 #pragma once
 
 #include <arpa/inet.h>
@@ -135,7 +136,8 @@ class ByteStream {
   std::uint32_t openings() const noexcept { return openings_; }
   /// For `poll`; −1 where it is closed.
   int descriptor() const noexcept { return descriptor_; }
-  /// Nothing happens where it is closed.
+  /// Nothing happens where it is closed. A serial line that has not sent all waits for that, by
+  /// Linux's default up to 30 s.
   void close() noexcept {
     if (descriptor_ >= 0) ::close(descriptor_);
     descriptor_ = -1;

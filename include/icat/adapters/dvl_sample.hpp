@@ -55,9 +55,9 @@ struct DvlSample {
   /// not said. No tilt is made up for.
   std::array<double, 4> range{};
   double altitude{0};        ///< mean of those that see it, or the instrument's own, m; 0: none
-  double heading{0};         ///< of the instrument's own sensors, rad, [0, 2π)
-  double pitch{0};           ///< rad, bow up positive
-  double roll{0};            ///< rad, starboard down positive
+  double heading{0};         ///< as the instrument knows it, rad, [0, 2π)
+  double pitch{0};           ///< rad, bow up positive; beam 3 up where EP says instrument axes
+  double roll{0};            ///< rad, starboard down positive; beam 1 up where EP says so
   double depth{0};           ///< of the transducer, m
   double temperature{0};     ///< °C
   double salinity{0};        ///< parts per thousand

@@ -14,7 +14,8 @@
 ///
 ///     EX00…   beams          made a velocity here, also of three beams
 ///     EX01…   instrument     turned by β, see dvl_sample.hpp
-///     EX10…   ship           where tilts were used (EXxx1…) they are taken back here
+///     EX10…   ship           where tilts were used (EXxx1…) they are taken back here, if they are
+///                            the ship's (EP…,1, as from the factory)
 ///     EX11…   earth          left as it is
 ///
 ///     X = c a (b₁ − b₂),  Y = c a (b₄ − b₃),  Z = b (b₁ + b₂ + b₃ + b₄),
