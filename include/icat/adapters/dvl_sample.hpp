@@ -19,6 +19,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <numbers>
 
 #include "icat/core/error.hpp"
@@ -115,17 +116,63 @@ inline std::array<bool, 4> beams_used(bool four, const std::array<double, 4>& ra
   return {range[0] > 0, range[1] > 0, range[2] > 0, range[3] > 0};
 }
 
-/// Whether `s`, which is older than `last` by its number, is of an instrument that began anew.
-inline bool began_anew(const DvlSample& s, const Received<DvlSample>& last, double now,
-                       double after) noexcept {
-  const bool later = s.instrument_time < 0 || s.instrument_time > last.value.instrument_time;
-  return !last.fresh(now, later ? after : 10 * after);
-}
-
 /// Whether it can be: none faster than `most`.
 inline bool plausible(const std::array<double, 3>& v, double most) noexcept {
   return std::hypot(v[0], v[1], v[2]) <= most;
 }
 
 }  // namespace detail::dvl
+
+/// What `Pd0Decoder` and `Pd6Decoder` keep: the last ensemble, and what became of the others. No
+/// allocation.
+class DvlEnsembles {
+ public:
+  /// The last ensemble; its bottom track may be invalid.
+  const Received<DvlSample>& sample() const noexcept { return sample_; }
+  /// s at `now` since an ensemble with bottom track; infinite before the first, and where the
+  /// caller's clock was set back behind it.
+  double bottom_age(double now) const noexcept {
+    return now >= bottom_time_ ? now - bottom_time_ : std::numeric_limits<double>::infinity();
+  }
+  /// Ensembles that were whole, of PD0 with the right sum.
+  std::uint32_t ensembles() const noexcept { return ensembles_; }
+  /// Of PD0 headers whose ensemble had another sum; false ones, within data, count too. Of PD6
+  /// ensembles that had a damaged, missing or doubled line, or whose velocities disagree.
+  std::uint32_t damaged() const noexcept { return damaged_; }
+  /// Ensembles that had come before, of PD6 by their time.
+  std::uint32_t repeated() const noexcept { return repeated_; }
+  /// Ensembles older than the last one.
+  std::uint32_t late() const noexcept { return late_; }
+
+ protected:
+  DvlEnsembles(const char* owner, const DvlOptions& options) : options_(options) {
+    detail::dvl::check_options(owner, options);
+  }
+  ~DvlEnsembles() = default;
+
+  // Whether `s` is the last one from now on; `ahead` of the one before by its number or time: 0 is
+  // the same one, < 0 is late, unless the instrument has begun anew.
+  bool take(const DvlSample& s, double ahead, double now) noexcept {
+    if (sample_.count > 0 && ahead == 0) {
+      ++repeated_;
+      return false;
+    }
+    if (sample_.count > 0 && ahead < 0) {
+      const bool later = s.instrument_time < 0 || s.instrument_time > sample_.value.instrument_time;
+      if (sample_.fresh(now, (later ? 1 : 10) * options_.restart_after)) {
+        ++late_;
+        return false;
+      }
+    }
+    sample_.put(s, now);
+    if (s.bottom.valid) bottom_time_ = now;
+    return true;
+  }
+
+  DvlOptions options_;
+  Received<DvlSample> sample_;
+  double bottom_time_{-std::numeric_limits<double>::infinity()};
+  std::uint32_t ensembles_{0}, damaged_{0}, repeated_{0}, late_{0};
+};
+
 }  // namespace icat

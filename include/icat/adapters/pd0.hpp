@@ -26,7 +26,6 @@
 #pragma once
 
 #include <algorithm>
-#include <limits>
 #include <span>
 #include <vector>
 
@@ -40,12 +39,12 @@ namespace icat {
 /// What is damaged, doubled or late changes nothing. After damage the search goes on one byte
 /// behind the header that was none, over all bytes that have come: an ensemble that follows is
 /// found at the latest `longest` bytes later.
-class Pd0Decoder {
+class Pd0Decoder : public DvlEnsembles {
  public:
   /// Allocates `options.longest` bytes.
   /// @throws std::invalid_argument on options out of range.
-  [[gnu::cold]] explicit Pd0Decoder(const DvlOptions& options = DvlOptions()) : options_(options) {
-    detail::dvl::check_options("Pd0Decoder", options);
+  [[gnu::cold]] explicit Pd0Decoder(const DvlOptions& options = DvlOptions())
+      : DvlEnsembles("Pd0Decoder", options) {
     buffer_.resize(static_cast<std::size_t>(options.longest) + 2);
   }
 
@@ -81,22 +80,6 @@ class Pd0Decoder {
     }
     return fresh;
   }
-
-  /// The last ensemble; its bottom track may be invalid.
-  const Received<DvlSample>& sample() const noexcept { return sample_; }
-  /// s at `now` since an ensemble with bottom track; infinite before the first, and where the
-  /// caller's clock was set back behind it.
-  double bottom_age(double now) const noexcept {
-    return now >= bottom_time_ ? now - bottom_time_ : std::numeric_limits<double>::infinity();
-  }
-  /// Ensembles whose sum was right.
-  std::uint32_t ensembles() const noexcept { return ensembles_; }
-  /// Headers whose ensemble had another sum; false ones, within data, count too.
-  std::uint32_t damaged() const noexcept { return damaged_; }
-  /// Ensembles that had come before.
-  std::uint32_t repeated() const noexcept { return repeated_; }
-  /// Ensembles older than the last one.
-  std::uint32_t late() const noexcept { return late_; }
 
  private:
   static constexpr std::uint8_t id = 0x7f;
@@ -167,25 +150,10 @@ class Pd0Decoder {
     s.beam_3 = options_.beam_3;
     s.ensemble = u16(variable + 2) + (static_cast<std::uint32_t>(buffer_[variable + 11]) << 16);
     leader(variable, s);
-    if (!in_order(s, now)) return false;
     if (track_size >= 58) bottom_track(fixed, fixed_size, track, track_size, s);
-    sample_.put(s, now);
-    if (s.bottom.valid) bottom_time_ = now;
-    return true;
-  }
-
-  bool in_order(const DvlSample& s, double now) noexcept {
-    if (sample_.count == 0) return true;
-    const std::uint32_t ahead = (s.ensemble - sample_.value.ensemble) & 0xffffff;
-    if (ahead == 0) {
-      ++repeated_;
-      return false;
-    }
-    if (ahead > 0x800000 && !detail::dvl::began_anew(s, sample_, now, options_.restart_after)) {
-      ++late_;
-      return false;
-    }
-    return true;
+    // By the short way of 24 bits.
+    const std::uint32_t step = (s.ensemble - sample_.value.ensemble) & 0xffffff;
+    return take(s, step > 0x800000 ? step - 16777216.0 : step, now);
   }
 
   void leader(std::size_t at, DvlSample& s) const noexcept {
@@ -308,12 +276,8 @@ class Pd0Decoder {
     return {x, cr * v[1] + sr * z, -sr * v[1] + cr * z};
   }
 
-  DvlOptions options_;
   std::vector<std::uint8_t> buffer_;
   std::size_t size_{0};
-  Received<DvlSample> sample_;
-  double bottom_time_{-std::numeric_limits<double>::infinity()};
-  std::uint32_t ensembles_{0}, damaged_{0}, repeated_{0}, late_{0};
 };
 
 }  // namespace icat

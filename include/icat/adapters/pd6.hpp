@@ -22,7 +22,6 @@
 /// that changes the speed by less than `agreement` gets through. Prefer PD0.
 #pragma once
 
-#include <limits>
 #include <span>
 #include <string_view>
 
@@ -32,15 +31,14 @@
 namespace icat {
 
 /// Ensembles of PD6 or PD13 from bytes. No allocation, no exception after construction.
-class Pd6Decoder {
+class Pd6Decoder : public DvlEnsembles {
  public:
   /// The longest line.
   static constexpr std::size_t longest = 100;
 
   /// @throws std::invalid_argument on options out of range.
-  [[gnu::cold]] explicit Pd6Decoder(const DvlOptions& options = DvlOptions()) : options_(options) {
-    detail::dvl::check_options("Pd6Decoder", options);
-  }
+  [[gnu::cold]] explicit Pd6Decoder(const DvlOptions& options = DvlOptions())
+      : DvlEnsembles("Pd6Decoder", options) {}
 
   /// All of `bytes`, which came at `now`, s. Returns how many new ensembles they ended; the last
   /// one stays. After damage all is well from the next :SA line on.
@@ -69,22 +67,6 @@ class Pd6Decoder {
     }
     return false;
   }
-
-  /// The last ensemble; its bottom track may be invalid.
-  const Received<DvlSample>& sample() const noexcept { return sample_; }
-  /// s at `now` since an ensemble with bottom track; infinite before the first, and where the
-  /// caller's clock was set back behind it.
-  double bottom_age(double now) const noexcept {
-    return now >= bottom_time_ ? now - bottom_time_ : std::numeric_limits<double>::infinity();
-  }
-  /// Ensembles that were whole.
-  std::uint32_t ensembles() const noexcept { return ensembles_; }
-  /// Ensembles that had a damaged, missing or doubled line, or whose velocities disagree.
-  std::uint32_t damaged() const noexcept { return damaged_; }
-  /// Ensembles with the time of the last one.
-  std::uint32_t repeated() const noexcept { return repeated_; }
-  /// Ensembles older than the last one.
-  std::uint32_t late() const noexcept { return late_; }
 
  private:
   using Fields = detail::text::Fields;
@@ -249,8 +231,8 @@ class Pd6Decoder {
   }
 
   // False: its frames contradict each other.
-  bool take(const Track& track, const std::array<double, 4>& range,
-            DvlVelocity& out) const noexcept {
+  bool judge(const Track& track, const std::array<double, 4>& range,
+             DvlVelocity& out) const noexcept {
     for (std::size_t i = 1; i < 3; ++i) {
       if (!track.there[0] || !track.there[i] || !track.valid[0] || !track.valid[i]) continue;
       const auto& a = track.velocity[0];
@@ -275,31 +257,17 @@ class Pd6Decoder {
   bool finish(double now) noexcept {
     constexpr unsigned required = 1u << 0 | 1u << 1 | 1u << 7 | 1u << 8 | 1u << 9 | 1u << 10;
     DvlSample& s = ensemble_;
-    const bool whole = (bits_ & required) == required && take(bottom_, s.range, s.bottom) &&
-                       take(water_, {}, s.water);
+    const bool whole = (bits_ & required) == required && judge(bottom_, s.range, s.bottom) &&
+                       judge(water_, {}, s.water);
     if (!whole) {
       spoil();
       return false;
     }
     stage_ = -1;
     ++ensembles_;
-    if (sample_.count > 0) {
-      const double step = s.instrument_time - sample_.value.instrument_time;
-      if (step == 0) {
-        ++repeated_;
-        return false;
-      }
-      if (step < 0 && !detail::dvl::began_anew(s, sample_, now, options_.restart_after)) {
-        ++late_;
-        return false;
-      }
-    }
-    sample_.put(s, now);
-    if (s.bottom.valid) bottom_time_ = now;
-    return true;
+    return take(s, s.instrument_time - sample_.value.instrument_time, now);
   }
 
-  DvlOptions options_;
   std::array<char, longest> buffer_{};
   std::size_t size_{0};
   bool good_{true};  // of the line so far
@@ -307,9 +275,6 @@ class Pd6Decoder {
   unsigned bits_{0};
   DvlSample ensemble_;
   Track bottom_, water_;
-  Received<DvlSample> sample_;
-  double bottom_time_{-std::numeric_limits<double>::infinity()};
-  std::uint32_t ensembles_{0}, damaged_{0}, repeated_{0}, late_{0};
 };
 
 }  // namespace icat
