@@ -145,13 +145,14 @@ class DvlEnsembles {
   std::uint32_t late() const noexcept { return late_; }
 
  protected:
+  /// @throws std::invalid_argument on options out of range, in the name of `owner`.
   DvlEnsembles(const char* owner, const DvlOptions& options) : options_(options) {
     detail::dvl::check_options(owner, options);
   }
   ~DvlEnsembles() = default;
 
-  // Whether `s` is the last one from now on; `ahead` of the one before by its number or time: 0 is
-  // the same one, < 0 is late, unless the instrument has begun anew.
+  /// Whether `s` is the last one from now on; `ahead` of the one before by its number or time: 0 is
+  /// the same one, < 0 is late, unless the instrument has begun anew.
   bool take(const DvlSample& s, double ahead, double now) noexcept {
     if (sample_.count > 0 && ahead == 0) {
       ++repeated_;
@@ -169,10 +170,14 @@ class DvlEnsembles {
     return true;
   }
 
-  DvlOptions options_;
-  Received<DvlSample> sample_;
+  DvlOptions options_;          ///< as given
+  Received<DvlSample> sample_;  ///< the last one
+  std::uint32_t ensembles_{0};  ///< see `ensembles`
+  std::uint32_t damaged_{0};    ///< see `damaged`
+
+ private:
   double bottom_time_{-std::numeric_limits<double>::infinity()};
-  std::uint32_t ensembles_{0}, damaged_{0}, repeated_{0}, late_{0};
+  std::uint32_t repeated_{0}, late_{0};
 };
 
 }  // namespace icat
