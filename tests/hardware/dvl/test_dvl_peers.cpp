@@ -65,7 +65,7 @@ std::vector<Pd0> random_frames(std::mt19937& random, int frame, bool gimbal, boo
 
 std::vector<Ensemble> by_dolfyn(const std::vector<Pd0>& all, const std::string& frame,
                                 std::string& told) {
-  const std::string path = ::testing::TempDir() + "icat_dvl.pd0";
+  const std::string path = ::testing::TempDir() + "icat_dvl." + std::to_string(::getpid());
   {
     std::ofstream file(path, std::ios::binary);
     const auto write = [&](const Pd0& f) {

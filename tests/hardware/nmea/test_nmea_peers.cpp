@@ -104,7 +104,7 @@ TEST(NmeaPeers, Pynmea2ReadsWhatIsEncoded) {
   const auto uniform = [&](double a, double b) {
     return std::uniform_real_distribution<double>(a, b)(random);
   };
-  const std::string path = ::testing::TempDir() + "icat_nmea_sentences.txt";
+  const std::string path = ::testing::TempDir() + "icat_nmea." + std::to_string(::getpid());
   std::vector<std::vector<double>> want;
   {
     std::ofstream file(path, std::ios::binary);
