@@ -192,6 +192,15 @@ TEST_F(Vehicle, KnowsLateStampsFromAReboot) {
   EXPECT_NEAR(vehicle.position().time, 1.59, 1e-9);
 }
 
+// Our clock is set back by an hour just after the vehicle started anew.
+TEST_F(Vehicle, KnowsARebootAlsoWhenTheClockJumpsBack) {
+  position(50000, 4000, 1);
+  for (std::uint32_t k = 0; k < 10; ++k) position(100 + 10 * k, 4000 + 0.01 * k, 2);
+  for (std::uint32_t k = 0; k < 60; ++k) position(200 + 10 * k, 400 + 0.01 * k, 2);
+  EXPECT_EQ(vehicle.odometry().position[0], 2);
+  EXPECT_EQ(vehicle.counts().reboots, 1u);
+}
+
 TEST_F(Vehicle, RefusesFlagsThatItDoesNotKnow) {
   mavlink_message_t m;
   mavlink_msg_local_position_ned_pack_status(1, 1, &numbers, &m, 1, 2, 3, 4, 5, 6, 7);
