@@ -264,7 +264,9 @@ TEST(MavlinkBackEnd, TakesBasesWhoseColumnsAreUnitMotions) {
   v(3) = 0;
   v(0) = 21;
   EXPECT_EQ(back_end.write(0, v), icat::Status::implausible);
+  v(0) = 0.1;
   EXPECT_EQ(back_end.write(0, v.head(5)), icat::Status::wrong_size);
+  EXPECT_EQ(back_end.write(0, v.replicate(2, 1)), icat::Status::wrong_size);
 
   Eigen::Matrix<double, 6, 2> motion = Eigen::Matrix<double, 6, 2>::Zero();
   motion(0, 0) = motion(0, 1) = motion(5, 1) = 1;
