@@ -17,7 +17,8 @@
 /// periods; a drive restarts, or leaves the operational state; its measurements are older than
 /// `feedback_timeout`; it has a fault, or leaves operation by itself; it does not reach operation
 /// within `start_timeout`; time that is set back by more than a period. `cause` and `culprit` say
-/// which. Where the caller goes on sending but commands nothing for `hold`, the velocity is 0.
+/// which. Where the caller goes on sending but commands nothing for `hold`, the velocity is 0; in
+/// profile position a drive completes the move that it has begun.
 ///
 /// **What stops the arm when we die.** Each drive watches our heartbeat (0x1016: three periods) and
 /// our commands (0x1400, 5: `command_timeout`), and makes a quick stop of its own (0x6007 = 3).
