@@ -167,9 +167,10 @@ class DriveBus {
     return true;
   }
 
-  /// Asks for operation: from whatever state, also from a fault, which is reset. `not_started`
-  /// where a drive is not `ready`: nothing happens. Commands count once all drives operate. Until a
-  /// stop, further calls change nothing.
+  /// Asks for operation: from whatever state, also from a fault, which is reset, and from a quick
+  /// stop, which is left by taking the torque off where the drive stays in it for a second. Until
+  /// the first call the torque is off. `not_started` where a drive is not `ready`: nothing happens.
+  /// Commands count once all drives operate. Until a stop, further calls change nothing.
   Status enable(double now) noexcept {
     if (request_ == DriveRequest::enabled) return Status::ok;
     if (!ready(now)) return Status::not_started;

@@ -323,6 +323,29 @@ TEST_F(Vehicle, RequestsAreDoneWhenAnsweredAndShown) {
   EXPECT_EQ(count(sent(2.6), MAVLINK_MSG_ID_COMMAND_LONG), 0u);
 }
 
+// ArduSub refuses GUIDED while its filter has no position, and would arm in the mode that it is in.
+TEST_F(Vehicle, DoesNotArmInAnotherMode) {
+  vehicle.set_mode(icat::ArduSubMode::guided);
+  vehicle.arm();
+  EXPECT_EQ(command(sent(0)).command, MAV_CMD_DO_SET_MODE);
+  answer(MAV_CMD_DO_SET_MODE, MAV_RESULT_FAILED, 0.1);
+  EXPECT_EQ(vehicle.mode_request(), icat::MavlinkRequest::refused);
+  EXPECT_EQ(vehicle.arm_request(), icat::MavlinkRequest::refused);
+  EXPECT_EQ(count(sent(1), MAVLINK_MSG_ID_COMMAND_LONG), 0u);
+  // The same where nobody answers; who asks for arming alone gets it in any mode.
+  vehicle.set_mode(icat::ArduSubMode::guided);
+  vehicle.arm();
+  for (int k = 0; k < 500; ++k) {
+    const auto all = sent(2 + 0.01 * k);
+    if (count(all, MAVLINK_MSG_ID_COMMAND_LONG) > 0) {
+      EXPECT_EQ(command(all).command, MAV_CMD_DO_SET_MODE);
+    }
+  }
+  EXPECT_EQ(vehicle.arm_request(), icat::MavlinkRequest::unanswered);
+  vehicle.arm();
+  EXPECT_EQ(command(sent(8)).command, MAV_CMD_COMPONENT_ARM_DISARM);
+}
+
 TEST_F(Vehicle, DisarmingDoesNotWait) {
   vehicle.set_mode(icat::ArduSubMode::guided);
   EXPECT_EQ(command(sent(0)).command, MAV_CMD_DO_SET_MODE);
