@@ -36,5 +36,9 @@ ctest --preset hardware --verbose >build/hardware.test.log 2>&1 ||
 sed -nE 's/^[0-9]+: //; /latency|allocates|bus load|not healthy|tool error|^(acoustic modem|mavlink: |gpsd: |dolfyn|PD6|measurements)|tests passed/p' \
   build/hardware.test.log
 
+say "On a microcontroller, in QEMU"
+./scripts/microcontroller.sh >build/microcontroller.log 2>&1 ||
+  { log_tail "$PWD/build/microcontroller.log"; fail "the solver fails on a microcontroller"; }
+
 say "All adapters pass, in $((SECONDS / 60)) min $((SECONDS % 60)) s"
 ((SECONDS < 1800 || $(nproc) < 2 || ${ICAT_NIGHTLY:-0})) || fail "the tests took longer than 30 minutes"

@@ -166,6 +166,7 @@ struct Line {
   std::vector<Drive> drives;
   double now{100};
   std::vector<CanFrame> sent, back;
+  std::size_t room{1000};  // frames that the transport takes in a cycle
 
   explicit Line(const std::vector<icat::canopen::DriveOptions>& options,
                 const icat::canopen::DriveBusOptions& shared = {})
@@ -184,7 +185,11 @@ struct Line {
     }
     sent.clear();
     for (const CanFrame& f : back) bus.receive(f, now);
-    bus.send(now, [&](const CanFrame& f) { return sent.push_back(f), true; });
+    bus.send(now, [&](const CanFrame& f) {
+      if (sent.size() == room) return false;
+      sent.push_back(f);
+      return true;
+    });
   }
   template <class Condition>
   bool until(Condition condition, double seconds) {
