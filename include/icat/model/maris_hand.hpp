@@ -78,7 +78,7 @@ struct HandMotor {
   Scalar inertia = static_cast<Scalar>(2e-6);          ///< of the rotor, kg m²
   Scalar maximum_current = static_cast<Scalar>(0.8);   ///< in continuous operation, A
   Scalar maximum_speed = static_cast<Scalar>(0.3);    ///< of the joints, rad/s
-  Scalar cable_stiffness = Scalar(250);   ///< k_c of each joint, N m/rad
+  Scalar cable_stiffness = Scalar(400);   ///< k_c of each joint, N m/rad
 
   /// τ_g of a current, N m, >= 0.
   constexpr Scalar torque(Scalar current) const noexcept {

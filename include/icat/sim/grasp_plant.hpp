@@ -40,7 +40,7 @@ class GraspPlant {
     Scalar floor = static_cast<Scalar>(4);                   ///< z of the floor in ⟨0⟩, m
     Scalar floor_stiffness = static_cast<Scalar>(2e4);       ///< N/m
     Scalar tangential_stiffness = static_cast<Scalar>(1e4);  ///< k_t, N/m
-    Scalar damping = Scalar(20);                             ///< c, N s/m
+    Scalar damping = Scalar(40);                             ///< c, N s/m
     Scalar gravity = static_cast<Scalar>(9.81);              ///< along z of ⟨0⟩, m/s²
   };
 

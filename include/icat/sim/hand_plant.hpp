@@ -7,8 +7,9 @@
 ///
 ///     k_c (s_j θ_g − q_j) = Σ f_i n_iᵀ ∂p_i/∂q_j (+ end stops),   f_i = k_n max(0, depth_i)
 ///
-/// of its two links against the pipe, n_i on the pipe. One implicit step of it is taken in each
-/// step; a finger that touches nothing has q_j = s_j θ_g exactly. A motor has the torque of
+/// of its two links against the pipe, n_i on the pipe. The stretch lags by `return_time`, so that
+/// contact takes energy out; one implicit step is taken in each step. A finger that touches nothing
+/// has q_j = s_j θ_g exactly. A motor has the torque of
 /// its group against it, τ_g = Σ s_j k_c d_j:
 ///
 ///     current  k_t i = τ_g / (N η) + τ_f + N J θ̈ where it works against τ_g, at most the limit
@@ -56,8 +57,9 @@ class HandPlant {
   /// What the hand is made of.
   struct Options {
     HandMotor<Scalar> motor{};                        ///< of each group
-    Scalar pad_stiffness = static_cast<Scalar>(3e4);  ///< k_n, N/m
-    double time_constant = 0.02;                      ///< of a motor's start, s
+    Scalar pad_stiffness = static_cast<Scalar>(1e5);  ///< k_n, N/m
+    double return_time = 0.01;    ///< in which a finger that is let go comes back, s
+    double time_constant = 0.02;  ///< of a motor's start, s
   };
 
   /// Open, as for `Preshape::parallel`.
@@ -67,6 +69,7 @@ class HandPlant {
     detail::check_motor(options.motor);
     detail::require_positive("HandPlant", "pad_stiffness", options.pad_stiffness);
     detail::require_positive("HandPlant", "time_constant", options.time_constant);
+    detail::require_positive("HandPlant", "return_time", options.return_time);
     (void)set_motors(hand.preshape(Preshape::parallel));
   }
 
@@ -75,7 +78,8 @@ class HandPlant {
     if (!detail::all_finite(angles)) return Status::non_finite;
     reading_ = {};
     reading_.position = angles;
-    for (int f = 0; f < 3; ++f) finger_[f] = limited(f, unloaded(f));
+    for (int f = 0; f < 3; ++f) finger_[static_cast<std::size_t>(f)] = limited(f, unloaded(f));
+    for (Angles& stretch : stretch_) stretch = zero();
     for (auto& contact : contacts_) contact = {};
     return Status::ok;
   }
@@ -126,12 +130,13 @@ class HandPlant {
   Vector<Scalar, Hand::joint_count> joints() const noexcept {
     Vector<Scalar, Hand::joint_count> q;
     for (std::size_t j = 0; j < Hand::joint_count; ++j) {
-      q(static_cast<Index>(j)) = finger_[Hand::joints[j].finger](Hand::joints[j].group);
+      q(static_cast<Index>(j)) =
+          finger_[static_cast<std::size_t>(Hand::joints[j].finger)](Hand::joints[j].group);
     }
     return q;
   }
   /// Joints of one finger, rad.
-  const Angles& finger(HandFinger f) const noexcept { return finger_[f]; }
+  const Angles& finger(HandFinger f) const noexcept { return finger_[static_cast<std::size_t>(f)]; }
   /// Of the last step; see `contact_count`.
   const std::array<HandContact<Scalar>, contact_count>& contacts() const noexcept {
     return contacts_;
@@ -152,6 +157,7 @@ class HandPlant {
   const Options& options() const noexcept { return options_; }
 
  private:
+  static Angles zero() noexcept { return {Scalar(0), Scalar(0), Scalar(0)}; }
   Angles unloaded(int f) const noexcept {
     return hand_.coupled(static_cast<HandFinger>(f), reading_.position);
   }
@@ -184,7 +190,8 @@ class HandPlant {
     Scalar load(0), stiffness(0);
     for (int f = 0; f < 3; ++f) {
       const Scalar sign = static_cast<Scalar>(Hand::sign(static_cast<HandFinger>(f), g));
-      load += m.cable_stiffness * sign * (sign * reading_.position(g) - finger_[f](g));
+      load += m.cable_stiffness * sign *
+              (sign * reading_.position(g) - finger_[static_cast<std::size_t>(f)](g));
       stiffness += m.cable_stiffness * sign * sign;
     }
     const Scalar against = away > Scalar(0) ? load : -load;
@@ -228,19 +235,23 @@ class HandPlant {
 
   void move_finger(int f, const PipeInHand<Scalar>* pipe, Scalar dt) noexcept {
     const HandFinger finger = static_cast<HandFinger>(f);
-    const Angles reference = unloaded(f), before = finger_[f];
-    Angles q = limited(f, before);
-    const auto contact = [&](int link) -> HandContact<Scalar>& {
-      return contacts_[static_cast<std::size_t>(2 * f + link)];
-    };
+    const Angles reference = unloaded(f), before = finger_[static_cast<std::size_t>(f)];
+    Angles& stretch = stretch_[static_cast<std::size_t>(f)];
+    const Scalar stiffness = options_.motor.cable_stiffness;
+    // c/dt: at once where nothing moves, dt = 0.
+    const Scalar drag =
+        dt > Scalar(0) ? stiffness * static_cast<Scalar>(options_.return_time) / dt : Scalar(0);
+    Angles q;  // where the cables, as they are stretched, carry the finger
+    for (Index i = 0; i < 3; ++i) q(i) = reference(i) - stretch(i);
+    q = limited(f, q);
     bool touching = false;
     if (pipe) {
       Matrix3<Scalar> A;
       Vector3<Scalar> g;
       detail::fill(A, Scalar(0));
       for (Index i = 0; i < 3; ++i) {
-        A(i, i) = options_.motor.cable_stiffness;
-        g(i) = A(i, i) * (reference(i) - q(i));
+        A(i, i) = stiffness + drag;
+        g(i) = stiffness * (reference(i) - q(i));
       }
       for (int link = 0; link < 2; ++link) {
         const HandContact<Scalar> c = touch(f, link, q, *pipe);
@@ -255,8 +266,21 @@ class HandPlant {
       }
       if (touching) q = implicit_step(f, A, g, q);
     }
-    if (!touching) q = limited(f, reference);
-    finger_[f] = q;
+    if (!touching) {
+      // Nothing left of the stretch: the coupling holds to the last digit.
+      for (Index i = 0; i < 3; ++i) {
+        Scalar left = stretch(i) * drag / (stiffness + drag);
+        if (std::abs(left) < static_cast<Scalar>(1e-5)) left = Scalar(0);
+        q(i) = reference(i) - left;
+      }
+      q = limited(f, q);
+    }
+    finger_[static_cast<std::size_t>(f)] = q;
+    for (Index i = 0; i < 3; ++i) {
+      // What an end stop holds is no stretch that comes back.
+      const Scalar inside = std::clamp(reference(i), limit(f, i, false), limit(f, i, true));
+      stretch(i) = q(i) == inside ? Scalar(0) : reference(i) - q(i);
+    }
     if (!pipe) return;
     for (int link = 0; link < 2; ++link) {
       HandContact<Scalar> c = touch(f, link, q, *pipe);
@@ -264,7 +288,7 @@ class HandPlant {
         const Vector3<Scalar> rate = detail::scaled(detail::minus(q, before), Scalar(1) / dt);
         c.velocity = detail::times(hand_.jacobian(finger, q, link, c.point), rate);
       }
-      contact(link) = c;
+      contacts_[static_cast<std::size_t>(2 * f + link)] = c;
     }
   }
 
@@ -337,7 +361,7 @@ class HandPlant {
   Hand hand_;
   Options options_;
   HandReading<Scalar> reading_{};
-  std::array<Angles, 3> finger_{};
+  std::array<Angles, 3> finger_{zero(), zero(), zero()}, stretch_{zero(), zero(), zero()};
   std::array<HandContact<Scalar>, contact_count> contacts_{};
   std::array<bool, 3> jammed_{};
   bool power_{true};
