@@ -15,8 +15,8 @@
 /// middle, and loses it on the way where friction does not carry weight and acceleration.
 ///
 /// The hand's motion is given; what the pipe does to the hand comes back as a wrench. Semi-implicit
-/// Euler steps of at most 0.5 ms. [MARIS] prints no model of it: this one and its numbers are ours;
-/// μ = 0.2 is that of wet plastics.
+/// Euler steps of at most 0.5 ms, shorter for light pipes. [MARIS] prints no model of it: this one
+/// and its numbers are ours; μ = 0.2 is that of wet plastics.
 #pragma once
 
 #include "icat/math/cholesky.hpp"
@@ -33,7 +33,7 @@ class GraspPlant {
   using Scalar = ScalarType;
   /// SI units.
   struct Options {
-    RigidBody<Scalar> body;                                  ///< the pipe, along x of its frame
+    RigidBody<Scalar> body{};                                ///< the pipe, along x of its frame
     PipeShape<Scalar> shape{};                               ///< the pipe
     Scalar friction = static_cast<Scalar>(0.2);              ///< μ of the hand's pads
     Scalar floor_friction = static_cast<Scalar>(0.3);        ///< μ of the floor
@@ -62,6 +62,16 @@ class GraspPlant {
       detail::invalid("GraspPlant: floor and gravity must be finite");
     }
     if (!is_rigid(pose)) detail::invalid("GraspPlant: the pipe's pose is none");
+    // An explicit step with several contacts is stable for k dt² and c dt well below the mass.
+    const double mass = double(options.body.mass);
+    const double k =
+        std::max({double(hand.options().pad_stiffness), double(options.tangential_stiffness),
+                  double(options.floor_stiffness)});
+    longest_ = std::min(longest_, std::sqrt(mass / (20 * k)));
+    longest_ = std::min(longest_, mass / (5 * std::max(double(options.damping), 1e-6)));
+    if (!(longest_ > 1e-5)) {
+      detail::invalid("GraspPlant: a pipe of ", mass, " kg is too light for pads so stiff");
+    }
     if (!inertia_.compute(detail::Body<Scalar>::inertia(body_.place()).matrix())) {
       detail::invalid("GraspPlant: the pipe's inertia is not positive");
     }
@@ -77,7 +87,7 @@ class GraspPlant {
     if (!detail::all_finite(twist)) return Status::non_finite;
     if (dt > 1) return Status::out_of_range;
     if (!is_rigid(hand)) return Status::not_a_rotation;
-    const int parts = std::max(1, static_cast<int>(std::ceil(dt / longest - 1e-9)));
+    const int parts = std::max(1, static_cast<int>(std::ceil(dt / longest_ - 1e-9)));
     const double part = dt / parts;
     Pose<Scalar> at = hand;
     wrench_ = Filled{0};
@@ -109,8 +119,6 @@ class GraspPlant {
   const Vector6<Scalar>& wrench() const noexcept { return wrench_; }
 
  private:
-  static constexpr double longest = 5e-4;  // s
-
   Pose<Scalar> relative(const Pose<Scalar>& hand) const noexcept {
     const Matrix3<Scalar> back = detail::transpose(detail::rotation(hand));
     const Vector3<Scalar> o =
@@ -221,6 +229,7 @@ class GraspPlant {
 
   HandPlant<Scalar> hand_;
   Options options_;
+  double longest_{5e-4};  // s
   detail::Body<Scalar> body_;
   detail::Cholesky<Scalar, 6> inertia_;
   Pose<Scalar> pose_, pipe_in_hand_ = IdentityPose{};

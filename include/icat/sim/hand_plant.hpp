@@ -106,7 +106,7 @@ class HandPlant {
   }
   /// `command` for `dt` s, >= 0, with a pipe in reach or none (null). Non-finite input, a speed or
   /// limit below 0 and a pose that is none are refused, and nothing changes. The pipe should move
-  /// less than a millimetre in `dt`. No allocation.
+  /// less than a millimetre in `dt`; steps above 20 ms slow the motors down. No allocation.
   Status step(const HandCommand<Scalar>& command, const PipeInHand<Scalar>* pipe,
               double dt) noexcept {
     if (const Status status = check(command, dt); status != Status::ok) return status;
