@@ -383,7 +383,9 @@ TEST(Grasp, DiametersOfTheSpecification) {
       {0.1, Preshape::parallel, 0.14, 0.8, true},    {0.2, Preshape::power, 0.13, 0.5, true},
       {0.2, Preshape::parallel, 0.13, 0.8, true},    {0.21, Preshape::power, 0.212, 0.5, false},
       {0.21, Preshape::parallel, 0.212, 0.8, false}};
+  int number = 0;
   for (const Case& c : cases) {
+    if (sanitized && ++number % 5 != 1) continue;
     SCOPED_TRACE(c.diameter * 1000);
     Rig rig({.diameter = c.diameter, .depth = c.depth});
     rig.grasp(c.shape, c.current);
@@ -409,6 +411,7 @@ TEST(Grasp, DiametersOfTheSpecification) {
 
 TEST(Grasp, NothingBetweenTheFingersIsEmpty) {
   for (const Preshape shape : shapes) {
+    if (sanitized && shape != Preshape::precision) continue;
     Rig rig({.along = 3});
     rig.grasp(shape, 0.5);
     EXPECT_EQ(rig.detector.state(), GraspState::empty);
@@ -462,6 +465,7 @@ TEST(Grasp, MissesAndSlipsByGeometry) {
     return std::string(said ? "grasped" : "empty") + (rig.held() ? ", held" : ", left");
   };
   EXPECT_EQ(attempt({.offset = 0.03}), "grasped, held");
+  if (sanitized) return;
   EXPECT_EQ(attempt({.yaw = 0.3}), "grasped, held");
   // Beyond the pipe's end, and too high: nothing to close on.
   EXPECT_EQ(attempt({.along = 0.7}), "empty, left");
@@ -500,7 +504,7 @@ TEST(Grasp, ForceIsBounded) {
   std::mt19937 random(4);
   std::uniform_real_distribution<double> uniform(-1, 1);
   double most = 0;
-  for (int run = 0; run < (sanitized ? 3 : 30); ++run) {
+  for (int run = 0; run < (sanitized ? 1 : 30); ++run) {
     const Scene setup{.diameter = 0.1 + 0.04 * uniform(random),
                       .depth = 0.12 + 0.02 * uniform(random),
                       .offset = 0.02 * uniform(random),
@@ -694,21 +698,35 @@ TEST(Grasp, DoesNotAllocate) {
   GTEST_SKIP() << "malloc belongs to the sanitizer";
 #endif
   Rig rig;
-  rig.detector.preshape(Preshape::power);
-  rig.pass(3);
-  ASSERT_EQ(rig.detector.close(0.3, 0.5), Status::ok);
+  icat::GraspPlant<double>& plant = rig.plant;
+  const Pose<double> hand = rig.hand;
+  const Vector6<double> twist = Vector6<double>::Zero();
   icat::Mission mission =
       icat::maris_mission({.at_grasp = [] { return true; }, .at_posture = [] { return true; }});
-  const Vector6<double> twist = Vector6<double>::Zero();
+  //! [hand]
+  icat::GraspDetector<double> detector;
+  detector.preshape(icat::Preshape::power);
+  //! [hand]
+  Status status = Status::ok;
+  double t = 0;
   const long count = count_allocations([&] {
-    for (int k = 0; k < 600; ++k) {
-      (void)rig.plant.step(rig.detector.command(), rig.hand, twist, 0.01);
-      (void)rig.detector.step(rig.t += 0.01, rig.plant.hand().reading());
-      (void)rig.detector.tell(mission);
+    for (int k = 0; k < 900; ++k) {
+      t += 0.01;
+      if (k == 300) {
+        //! [close]
+        status = detector.close(0.3, 0.5);  // rad/s, A
+        //! [close]
+      }
+      //! [cycle]
+      status = plant.step(detector.command(), hand, twist, 0.01);  // ⟨h⟩ in ⟨0⟩ and its twist
+      status = detector.step(t, plant.hand().reading());           // currents, speeds, positions
+      status = detector.tell(mission);                             // "grasp closed", …
+      //! [cycle]
     }
   });
   EXPECT_EQ(count, 0);
-  EXPECT_EQ(rig.detector.state(), GraspState::grasped);
+  EXPECT_EQ(status, Status::ok);
+  EXPECT_EQ(detector.state(), GraspState::grasped);
 }
 
 TEST(Grasp, Float) {

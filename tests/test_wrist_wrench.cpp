@@ -104,8 +104,12 @@ TEST(WristWrench, ResidualOnOtherLoads) {
   auto options = sensor<8>(0.003);
   options.drift = 1e-4;
   icat::WristSensor<double, 8> wrist(options);
-  const auto fit = icat::calibrate_wrench<double, 8>(bench<8>(wrist, 500, 3), options.zero);
+  const auto zero = options.zero;
+  const auto samples = bench<8>(wrist, 500, 3);
+  //! [calibration]
+  const auto fit = icat::calibrate_wrench<double, 8>(samples, zero);  // at configuration
   icat::WristWrench<double, 8> estimate(fit, {.mass = 0, .displaced = 0});
+  //! [calibration]
   Vector6<double> square = Vector6<double>::Zero();
   const auto loads = bench<8>(wrist, 1000, 4);
   for (const auto& s : loads) {

@@ -118,8 +118,9 @@ class GraspDetector {
   }
   /// To the open hand of the present shape.
   void open() noexcept { preshape(shape_); }
-  /// Closes as the present shape does, proximal joints at `speed`, rad/s, with `current_limit`, A.
-  /// `out_of_range`: not > 0, or a current that does not move the gear; nothing changes then.
+  /// Closes as the present shape does, whatever the state, proximal joints at `speed`, rad/s, with
+  /// `current_limit`, A. `out_of_range`: not > 0, or a current that does not move the gear; nothing
+  /// changes then.
   Status close(Scalar speed, Scalar current_limit) noexcept {
     if (!std::isfinite(speed) || !std::isfinite(current_limit)) return Status::non_finite;
     const Scalar limit = std::min(current_limit, options_.motor.maximum_current);
@@ -140,6 +141,7 @@ class GraspDetector {
     event_ = {};
     Status status = clock_.advance(time);
     if (status != Status::ok) return status;
+    if (clock_.stalled()) return Status::clock_stalled;
     const double dt = clock_.step();
     if (!detail::all_finite(reading.position) || !detail::all_finite(reading.speed) ||
         !detail::all_finite(reading.current)) {

@@ -72,13 +72,13 @@ struct HandReading {
 template <class Scalar>
 struct HandMotor {
   Scalar torque_constant = static_cast<Scalar>(0.04);  ///< k_t, N m/A
-  Scalar ratio = Scalar(2000);                          ///< N
+  Scalar ratio = Scalar(2000);                         ///< N
   Scalar efficiency = static_cast<Scalar>(0.3);        ///< η, in (0, 1/2)
   Scalar friction = static_cast<Scalar>(0.006);        ///< τ_f at the motor, N m
   Scalar inertia = static_cast<Scalar>(2e-6);          ///< of the rotor, kg m²
   Scalar maximum_current = static_cast<Scalar>(0.8);   ///< in continuous operation, A
-  Scalar maximum_speed = static_cast<Scalar>(0.3);    ///< of the joints, rad/s
-  Scalar cable_stiffness = Scalar(400);   ///< k_c of each joint, N m/rad
+  Scalar maximum_speed = static_cast<Scalar>(0.3);     ///< of the joints, rad/s
+  Scalar cable_stiffness = Scalar(400);                ///< k_c of each joint, N m/rad
 
   /// τ_g of a current, N m, >= 0.
   constexpr Scalar torque(Scalar current) const noexcept {
@@ -322,7 +322,8 @@ class MarisHand {
     return std::max(apart - Scalar(2) * geometry_.radius, Scalar(0));
   }
 
-  /// Between a finger and a pipe, its frame `pipe` in ⟨h⟩, m; below 0 in penetration.
+  /// Between a finger and a pipe, its frame `pipe` in ⟨h⟩, m; below 0 in penetration, infinite
+  /// where a number is none.
   Scalar distance(HandFinger finger, const Angles& q, const PipeShape<Scalar>& shape,
                   const Pose<Scalar>& pipe) const noexcept {
     const auto end = ends(shape, pipe);

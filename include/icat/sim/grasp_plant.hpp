@@ -90,13 +90,13 @@ class GraspPlant {
     const int parts = std::max(1, static_cast<int>(std::ceil(dt / longest_ - 1e-9)));
     const double part = dt / parts;
     Pose<Scalar> at = hand;
-    wrench_ = Filled{0};
+    Vector6<Scalar> sum = Filled{0};
     for (int i = 0; i < parts; ++i) {
-      const Status done = part_step(command, at, twist, part);
+      const Status done = part_step(command, at, twist, part, sum);
       if (done != Status::ok) return done;
       at = integrate<Scalar>(at, twist, static_cast<Scalar>(part));
     }
-    for (Index i = 0; i < 6; ++i) wrench_(i) /= static_cast<Scalar>(parts);
+    for (Index i = 0; i < 6; ++i) wrench_(i) = sum(i) / static_cast<Scalar>(parts);
     pipe_in_hand_ = relative(at);
     return Status::ok;
   }
@@ -111,7 +111,7 @@ class GraspPlant {
   const Pose<Scalar>& pipe() const noexcept { return pose_; }
   /// Its twist over ground, on itself.
   const Vector6<Scalar>& pipe_velocity() const noexcept { return velocity_; }
-  /// The pipe in ⟨h⟩, after the last step.
+  /// The pipe in ⟨h⟩ after the last step; before the first, the identity.
   const Pose<Scalar>& pipe_in_hand() const noexcept { return pipe_in_hand_; }
   /// The pipe touches the floor.
   bool on_floor() const noexcept { return on_floor_; }
@@ -150,7 +150,7 @@ class GraspPlant {
   }
 
   Status part_step(const HandCommand<Scalar>& command, const Pose<Scalar>& hand,
-                   const Vector6<Scalar>& twist, double part) noexcept {
+                   const Vector6<Scalar>& twist, double part, Vector6<Scalar>& wrench) noexcept {
     const Scalar dt = static_cast<Scalar>(part);
     const PipeInHand<Scalar> pipe{options_.shape, relative(hand)};
     const Status status = hand_.step(command, &pipe, part);
@@ -183,7 +183,7 @@ class GraspPlant {
       add(f, r);
       const Vector3<Scalar> back = detail::scaled(detail::transposed_times(H, f), Scalar(-1));
       const Vector3<Scalar> turn = detail::cross(c.point, back);
-      for (Index k = 0; k < 3; ++k) wrench_(k) += back(k), wrench_(3 + k) += turn(k);
+      for (Index k = 0; k < 3; ++k) wrench(k) += back(k), wrench(3 + k) += turn(k);
     }
     on_floor_ = false;
     const auto end = MarisHand<Scalar>::ends(options_.shape, pose_);
