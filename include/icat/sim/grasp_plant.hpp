@@ -153,7 +153,12 @@ class GraspPlant {
                    const Vector6<Scalar>& twist, double part, Vector6<Scalar>& wrench) noexcept {
     const Scalar dt = static_cast<Scalar>(part);
     const PipeInHand<Scalar> pipe{options_.shape, relative(hand)};
-    const Status status = hand_.step(command, &pipe, part);
+    // Out of reach there is nothing to look for.
+    const auto& g = hand_.hand().geometry();
+    const Scalar reach = g.base_x + g.base_y + g.height + g.proximal + g.distal + g.palm_radius +
+                         options_.shape.half_length + Scalar(2) * options_.shape.radius;
+    const bool near = detail::norm(detail::origin(pipe.pose)) < reach;
+    const Status status = hand_.step(command, near ? &pipe : nullptr, part);
     if (status != Status::ok) return status;
 
     const Matrix3<Scalar> R = detail::rotation(pose_), H = detail::rotation(hand);
