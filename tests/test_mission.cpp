@@ -383,10 +383,9 @@ class Maris {
   Mission mission;
 };
 
-const std::vector<std::string> words{"object detected", "object lost",   "grasp closed",
-                                     "grasp empty",     "at grasp",      "posture reached",
-                                     "timeout",         "out of bounds", "fault",
-                                     "grasp slipped"};
+const std::vector<std::string> words{
+    "object detected", "object lost", "grasp closed",  "grasp empty", "at grasp",
+    "posture reached", "timeout",     "out of bounds", "fault",       "grasp slipped"};
 
 TEST(MarisMission, ScriptedWordForWord) {
   using Script = std::vector<std::pair<std::string, std::string>>;  // what happens, what follows

@@ -65,9 +65,9 @@ inline constexpr const char* grasp_failures[] = {
 
 /// The mission of the file comment. Its events: "object detected", at the first detection that is
 /// sure; "object lost", not seen for 3 s or so, which is for the vision to judge; "grasp closed",
-/// "grasp empty" and "grasp slipped" from the hand (control/grasp_detector.hpp); "out of bounds" and "fault" from whoever watches. That a time
-/// is up or the posture reached the mission finds out by itself. Its actions: "survey", "grasp",
-/// "carry".
+/// "grasp empty" and "grasp slipped" from the hand (control/grasp_detector.hpp); "out of bounds"
+/// and "fault" from whoever watches. That a time is up or the posture reached the mission finds out
+/// by itself. Its actions: "survey", "grasp", "carry".
 /// @throws std::invalid_argument without conditions, or on numbers out of range (see `Mission`).
 [[gnu::cold]] inline Mission maris_mission(const MarisMissionOptions& options) {
   const auto& o = options;
