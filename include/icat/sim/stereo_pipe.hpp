@@ -99,6 +99,7 @@ class StereoPipe {
   /// taken. A picture without any line arrives, too, and so does one of poses that are not finite.
   /// Nothing where the time is not finite; where it is earlier than the last picture the schedule
   /// begins anew. No allocation.
+  /// @param time     s
   /// @param vehicle  ⟨v⟩ in ⟨0⟩
   /// @param pipe     ⟨o⟩ in ⟨0⟩
   /// @param arm      what covers the pipe (`ArmMask::outline`); without hulls nothing does
