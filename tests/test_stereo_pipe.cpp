@@ -149,7 +149,9 @@ TEST(StereoPipe, WhatIsCoveredIsNotSeen) {
     EXPECT_NEAR(ratio, half.line[k].camera == 0 ? 4 : 1, half.line[k].camera == 0 ? 0.6 : 0.05);
   }
   arm[0][0].set(std::vector<Pixel>{{-1, -1}, {1999, -1}, {1999, 999}, {-1, 999}});
-  for (const auto& line : sim.picture(hovering, pipe, arm).lines()) EXPECT_EQ(line.camera, 1);
+  const auto right = sim.picture(hovering, pipe, arm);
+  ASSERT_EQ(right.count, 4);
+  for (const auto& line : right.lines()) EXPECT_EQ(line.camera, 1);
 }
 
 // The hand before the pipe: without the mask the lines follow the arm, with it none does.

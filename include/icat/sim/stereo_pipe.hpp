@@ -40,9 +40,11 @@ struct PipeView {
   int count{0};                             ///< 0 … 8
 
   /// What was found.
-  std::span<const ContourLine<Scalar>> lines() const noexcept {
+  std::span<const ContourLine<Scalar>> lines() const& noexcept {
     return {line.data(), static_cast<std::size_t>(count)};
   }
+  /// Of a picture that ends with the expression nothing would be left.
+  std::span<const ContourLine<Scalar>> lines() const&& = delete;
 };
 
 /// See the file comment.
