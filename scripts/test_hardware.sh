@@ -15,7 +15,7 @@ need g++:g++ clang:clang++ cmake:cmake ninja-build:ninja ccache:ccache libeigen3
   libroscpp-dev libsensor-msgs-dev libnav-msgs-dev libgeometry-msgs-dev libstd-msgs-dev \
   python3-roslaunch:roscore python3-rostopic:rostopic python3-rospy python3-sensor-msgs \
   python3-nav-msgs python3-geometry-msgs python3-std-msgs \
-  user-mode-linux kmod iproute2
+  user-mode-linux kmod iproute2 gpsd
 need_compiler
 need_sanitizers
 python_tools
@@ -32,7 +32,13 @@ build hardware
 say "Testing against the peers"
 ctest --preset hardware --verbose >build/hardware.test.log 2>&1 ||
   { log_tail "$PWD/build/hardware.test.log"; fail "an adapter fails against its peer"; }
-grep -E 'latency|allocates|bus load|tests passed' build/hardware.test.log | sed 's/^[0-9]*: //'
+# The figures that the pages cite.
+sed -nE 's/^[0-9]+: //; /latency|allocates|bus load|not healthy|tool error|^(acoustic modem|mavlink: |gpsd: |dolfyn|PD6|measurements)|tests passed/p' \
+  build/hardware.test.log
+
+say "On a microcontroller, in QEMU"
+./scripts/microcontroller.sh >build/microcontroller.log 2>&1 ||
+  { log_tail "$PWD/build/microcontroller.log"; fail "the solver fails on a microcontroller"; }
 
 say "All adapters pass, in $((SECONDS / 60)) min $((SECONDS % 60)) s"
 ((SECONDS < 1800 || $(nproc) < 2 || ${ICAT_NIGHTLY:-0})) || fail "the tests took longer than 30 minutes"

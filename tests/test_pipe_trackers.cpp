@@ -259,6 +259,11 @@ TEST(FrameTracker, LatePicturesAndUnknownPositions) {
   ASSERT_EQ(tracker.predict(now), Status::ok);
   ASSERT_EQ(tracker.update(seen_from(start, pipe), start), Status::ok);
   EXPECT_LT(distance(tracker.frame(), now.inverse() * pipe), 1e-9);
+  // A rotation that is as bad as may be does not add up.
+  Pose rough = now;
+  rough.linear() *= 1.0002;
+  for (int k = 0; k < 1000; ++k) ASSERT_EQ(tracker.predict(rough), Status::ok);
+  EXPECT_LT(distance(tracker.frame(), now.inverse() * pipe), 1e-4);  // once, not a thousand times
   Pose lost = start * make_pose<double>(0, 0, 0, 0, 0, 0.3);
   Tracker turning = tracking();
   const Pose right = lost.inverse() * pipe;

@@ -41,7 +41,7 @@ std::uint32_t semihosting(std::uint32_t operation, const void* argument) {
 
 // Memory that is freed is not used again: then nothing fragments, and what construction needs is
 // one number that can be tested.
-constexpr std::size_t arena_size = 96 * 1024;
+constexpr std::size_t arena_size = 128 * 1024;
 constexpr std::size_t arena_alignment = 16;  // what Eigen asks for its matrices of fixed size
 constexpr std::size_t usual_alignment = 8;   // what `malloc` and plain `new` give
 alignas(arena_alignment) [[gnu::section(".arena")]] std::array<std::byte, arena_size> arena;

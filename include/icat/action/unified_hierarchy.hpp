@@ -111,7 +111,8 @@ class HierarchySearch {
     const std::size_t count = actions_.size();
     const Numbers nothing(actions_.tasks);
     Numbers free, level, choices, placed(count), next;
-    closed_ = Numbers(buckets);
+    closed_ = Numbers(16);
+    closed_count_ = 0;
     nodes_ = List<Node>(1);
     placed_ = placed;
     levels_ = nothing;
@@ -121,7 +122,7 @@ class HierarchySearch {
       open_ = meld(nodes_[last].left, nodes_[last].right);
       for (std::size_t a = 0; a < count; ++a) placed[a] = placed_[last * count + a];
       if (is_closed(placed)) continue;
-      close(last, placed);
+      close(last);
       divide(placed);
       if (visits_ == 0) {
         for (std::size_t i = last; i != 1; i = nodes_[i].parent) {
@@ -165,7 +166,7 @@ class HierarchySearch {
     std::size_t left{0}, right{0}, depth{0};  ///< of a leftist heap; its root is the best
     std::size_t next{0};                      ///< of the closed ones, in the same bucket
   };
-  static constexpr std::size_t none = static_cast<std::size_t>(-1), buckets = 4096;
+  static constexpr std::size_t none = static_cast<std::size_t>(-1);
 
   /// Some task of level `k` of action `a`.
   std::size_t any_task(std::size_t a, std::size_t k) const noexcept {
@@ -189,19 +190,32 @@ class HierarchySearch {
 
   // --- the states that were left
 
-  static std::size_t bucket(const Numbers& placed) noexcept {
+  std::size_t& bucket(const std::size_t* placed) noexcept {
     std::size_t hash = 0;
-    for (const std::size_t n : placed) hash = 31 * hash + n;
-    return hash % buckets;
+    for (std::size_t a = 0; a < actions_.size(); ++a) hash = 31 * hash + placed[a];
+    return closed_[hash % closed_.size()];
   }
-  void close(std::size_t node, const Numbers& placed) noexcept {
-    std::size_t& first = closed_[bucket(placed)];
+  [[gnu::noinline]] void link(std::size_t node) noexcept {
+    std::size_t& first = bucket(placed_.data() + node * actions_.size());
     nodes_[node].next = first;
     first = node;
   }
-  [[gnu::noinline]] bool is_closed(const Numbers& placed) const noexcept {
+  [[gnu::cold]] void close(std::size_t node) {
+    if (++closed_count_ > closed_.size()) {
+      const Numbers before = closed_;
+      closed_ = Numbers(8 * before.size());
+      for (const std::size_t first : before) {
+        for (std::size_t i = first, next; i != 0; i = next) {
+          next = nodes_[i].next;
+          link(i);
+        }
+      }
+    }
+    link(node);
+  }
+  [[gnu::noinline]] bool is_closed(const Numbers& placed) noexcept {
     const std::size_t count = actions_.size();
-    for (std::size_t i = closed_[bucket(placed)]; i != 0; i = nodes_[i].next) {
+    for (std::size_t i = bucket(placed.data()); i != 0; i = nodes_[i].next) {
       std::size_t a = 0;
       while (a < count && placed_[i * count + a] == placed[a]) ++a;
       if (a == count) return true;
@@ -301,6 +315,7 @@ class HierarchySearch {
   Numbers placed_, levels_;  ///< of each node
   std::size_t open_{0};      ///< the best of those to go on from
   Numbers closed_;           ///< the first of each bucket
+  std::size_t closed_count_{0};
   // Of the tasks still to come.
   Numbers part_of_;  ///< of each task; none if it is placed
   Numbers visit_, stack_;

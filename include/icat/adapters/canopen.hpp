@@ -46,7 +46,10 @@ constexpr CanFrame heartbeat_frame(int node, NmtState state) noexcept {
 /// Reads a heartbeat or boot-up of the node `node` into `state`. False where the frame is none, or
 /// holds no state that there is; `state` stays.
 constexpr bool decode_heartbeat(const CanFrame& frame, int node, NmtState& state) noexcept {
-  if (frame != heartbeat_frame(node, static_cast<NmtState>(frame.data[0]))) return false;
+  if (frame.extended || frame.remote || frame.size != 1 || node < 1 || node > 127 ||
+      frame.id != 0x700 + static_cast<std::uint32_t>(node)) {
+    return false;
+  }
   const auto value = static_cast<NmtState>(frame.data[0]);
   if (value != NmtState::boot_up && value != NmtState::stopped && value != NmtState::operational &&
       value != NmtState::pre_operational) {

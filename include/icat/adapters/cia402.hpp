@@ -247,8 +247,11 @@ class Drive {
   DriveState state() const noexcept {
     return sampled_ ? drive_state(sample_.value.statusword) : DriveState::unknown;
   }
-  /// Whether it is where it was told to go (statusword, bit 10).
-  bool target_reached() const noexcept { return (sample_.value.statusword & 0x0400) != 0; }
+  /// Whether it is where it was told to go (statusword, bit 10), by its last statusword. False
+  /// while a set-point is on its way to it.
+  bool target_reached() const noexcept {
+    return !new_setpoint_ && !in_handshake_ && (sample_.value.statusword & 0x0400) != 0;
+  }
   /// Whether a fault may still go away by a reset, at `now`, s.
   bool may_reset_fault(double now) const noexcept {
     return resets_ > 0 || now - edge_ <= reset_interval;

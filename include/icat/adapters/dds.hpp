@@ -20,6 +20,9 @@
 ///
 /// Cyclone DDS has threads of its own, which receive. `read` and `write` work in the caller's,
 /// without waiting; the header allocates nothing in them, Cyclone DDS may.
+///
+/// The age of a message counts from when Cyclone DDS had it, not from `read`: where a loop stood
+/// still, what waited for it is old. Of several that waited it is the newest one's.
 #pragma once
 
 #include <dds/dds.h>
@@ -27,9 +30,12 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
+#include <chrono>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
@@ -83,7 +89,8 @@ struct Endpoint {
   Entity end;
 
   [[gnu::cold]] Endpoint(dds_entity_t participant, const dds_topic_descriptor_t& type,
-                         std::string_view name, bool writes) {
+                         std::string_view name, bool writes,
+                         const dds_listener_t* listener = nullptr) {
     const std::string full = topic_name(name);
     topic =
         Entity(dds_create_topic(participant, &type, full.c_str(), nullptr, nullptr), "topic", full);
@@ -94,7 +101,7 @@ struct Endpoint {
     dds_qset_reliability(qos, writes ? DDS_RELIABILITY_RELIABLE : DDS_RELIABILITY_BEST_EFFORT, 0);
     dds_qset_writer_data_lifecycle(qos, false);
     const dds_entity_t handle = writes ? dds_create_writer(participant, topic.get(), qos, nullptr)
-                                       : dds_create_reader(participant, topic.get(), qos, nullptr);
+                                       : dds_create_reader(participant, topic.get(), qos, listener);
     dds_delete_qos(qos);
     end = Entity(handle, writes ? "publisher" : "subscription", full);
   }
@@ -107,15 +114,22 @@ class Subscription {
  public:
   [[gnu::cold]] Subscription(dds_entity_t participant, const dds_topic_descriptor_t& type,
                              std::string_view topic)
-      : ends_(participant, type, topic, false) {}
+      : came_(std::make_unique<std::atomic<Clock::rep>>(ticks())),
+        taken_(*came_),
+        ends_(participant, type, topic, false, Listener(came_.get()).listener) {}
 
-  // Calls `message(bytes, is_new)` for each that came, the oldest first. Returns how many.
+  // Calls `message(bytes, is_new, came)` for each that came, the oldest first, where `came` is
+  // when, on the caller's clock, whose time is `now`. Returns how many.
   template <class F>
-  int take(F message) noexcept {
+  int take(double now, F message) noexcept {
     ddsi_serdata* data[2 * Endpoint::history] = {};  // also what says that a publisher left
     dds_sample_info_t info[2 * Endpoint::history];
     const int count =
         dds_takecdr(ends_.end.get(), data, 2 * Endpoint::history, info, DDS_ANY_STATE);
+    // What was not there before came after that, also where its arrival is not yet written down.
+    const Clock::rep here = ticks(), last = std::max(came_->load(), taken_);
+    const double waited = std::chrono::duration<double>(Clock::duration(here - last)).count();
+    taken_ = here;
     int messages = 0;
     for (int i = 0; i < count; ++i) {
       if (info[i].valid_data) {
@@ -123,7 +137,7 @@ class Subscription {
         ddsi_serdata* held =
             ddsi_serdata_to_ser_ref(data[i], 0, ddsi_serdata_size(data[i]), &bytes);
         message(ros2::Bytes(static_cast<const std::uint8_t*>(bytes.iov_base), bytes.iov_len),
-                is_new(info[i].publication_handle));
+                is_new(info[i].publication_handle), waited > 0 ? now - waited : now);
         ddsi_serdata_to_ser_unref(held, &bytes);
         ++messages;
       }
@@ -139,6 +153,23 @@ class Subscription {
   }
 
  private:
+  using Clock = std::chrono::steady_clock;
+  static Clock::rep ticks() noexcept { return Clock::now().time_since_epoch().count(); }
+
+  // In the thread that receives: writes down when.
+  struct Listener {
+    dds_listener_t* listener{dds_create_listener(nullptr)};
+    [[gnu::cold]] explicit Listener(std::atomic<Clock::rep>* came) {
+      dds_lset_data_available_arg(
+          listener,
+          [](dds_entity_t, void* at) { static_cast<std::atomic<Clock::rep>*>(at)->store(ticks()); },
+          came, false);
+    }
+    Listener(const Listener&) = delete;
+    Listener& operator=(const Listener&) = delete;
+    ~Listener() { dds_delete_listener(listener); }
+  };
+
   bool is_new(dds_instance_handle_t publisher) noexcept {
     if (std::find(known_.begin(), known_.end(), publisher) != known_.end()) return false;
     known_[next_] = publisher;
@@ -146,7 +177,9 @@ class Subscription {
     return true;
   }
 
-  Endpoint ends_;
+  std::unique_ptr<std::atomic<Clock::rep>> came_;  // the last message
+  Clock::rep taken_;                               // the last time that `take` looked
+  Endpoint ends_;                                  // goes first, and its thread with it
   std::array<dds_instance_handle_t, 16> known_{};  // publishers; the newest take the oldest's place
   std::size_t next_{0};
 };
@@ -225,10 +258,10 @@ class DdsJointStates {
   /// Takes what has come until `now`, s, and returns how many messages: none leaves all as it is.
   /// A joint that a message does not name stays as it is, too. No allocation by us, no waiting.
   int read(double now) noexcept {
-    return messages_.take([&](ros2::Bytes bytes, bool is_new) {
+    return messages_.take(now, [&](ros2::Bytes bytes, bool is_new, double came) {
       if (is_new) states_.restart();
       ros2::JointStateMessage message;
-      if (!ros2::decode(bytes, message) || ros2::put(message, now, states_) != Status::ok) {
+      if (!ros2::decode(bytes, message) || ros2::put(message, came, states_) != Status::ok) {
         ++refused_;
       }
     });
@@ -260,15 +293,16 @@ class DdsOdometry {
   /// Takes what has come until `now`, s, and returns how many messages: none leaves all as it is.
   /// No allocation by us, no waiting.
   int read(double now) noexcept {
-    return messages_.take([&](ros2::Bytes bytes, bool is_new) {
+    return messages_.take(now, [&](ros2::Bytes bytes, bool is_new, double came) {
       if (is_new) stamps_.restart();
       ros2::OdometryMessage message;
-      if (!ros2::decode(bytes, message) || ros2::normalize(message.odometry) != Status::ok ||
+      if (!ros2::decode(bytes, message) || !std::isfinite(came) ||
+          normalize(message.odometry) != Status::ok ||
           stamps_.accept(message.header.stamp()) != Status::ok) {
         ++refused_;
         return;
       }
-      last_.put(message.odometry, now);
+      last_.put(message.odometry, came);
     });
   }
   /// What is known, with its age.
@@ -295,13 +329,15 @@ class DdsTwist {
                                   std::string_view topic = "cmd_vel")
       : messages_(participant.handle(), detail::dds::twist_type, topic) {}
 
-  /// [linear; angular] on the base, m/s, rad/s. `non_finite`: not sent; `not_sent`: Cyclone DDS did
-  /// not take it. No allocation by us, no waiting.
+  /// [linear; angular] on the base, m/s, rad/s. `non_finite`: zero is sent instead, as the robot
+  /// would go on at the last velocity; `not_sent`: Cyclone DDS took nothing. No allocation by us,
+  /// no waiting.
   Status write(const Twist& twist) noexcept {
-    if (!detail::dds::all_finite(twist)) return Status::non_finite;
-    detail::dds::TwistSample sample;
-    std::copy(twist.begin(), twist.end(), sample.numbers);
-    return messages_.write(&sample);
+    const bool good = detail::dds::all_finite(twist);
+    detail::dds::TwistSample sample{};
+    if (good) std::copy(twist.begin(), twist.end(), sample.numbers);
+    const Status status = messages_.write(&sample);
+    return good || status != Status::ok ? status : Status::non_finite;
   }
   /// How many subscriptions there are.
   int subscribers() const noexcept { return messages_.subscribers(); }
@@ -325,16 +361,23 @@ class DdsJointCommands {
     if (joints < 1) detail::invalid("DDS: commands '", topic, "' have no joint");
   }
 
-  /// rad/s or m/s, one for each joint of the controller. `wrong_size`, `non_finite`: not sent;
-  /// `not_sent`: Cyclone DDS did not take it. No allocation by us, no waiting.
+  /// rad/s or m/s, one for each joint of the controller. `wrong_size`, `non_finite`: zeros are sent
+  /// instead, as the joints would go on at the last velocity; `not_sent`: Cyclone DDS took nothing.
+  /// No allocation by us, no waiting.
   Status write(std::span<const double> velocity) noexcept {
-    if (velocity.size() != data_.size()) return Status::wrong_size;
-    if (!detail::dds::all_finite(velocity)) return Status::non_finite;
-    std::copy(velocity.begin(), velocity.end(), data_.begin());
+    const Status judged = velocity.size() != data_.size()     ? Status::wrong_size
+                          : detail::dds::all_finite(velocity) ? Status::ok
+                                                              : Status::non_finite;
+    if (judged == Status::ok) {
+      std::copy(velocity.begin(), velocity.end(), data_.begin());
+    } else {
+      std::fill(data_.begin(), data_.end(), 0.0);
+    }
     detail::dds::MultiArraySample sample{};
     sample.data._length = sample.data._maximum = static_cast<std::uint32_t>(data_.size());
     sample.data._buffer = reinterpret_cast<std::uint8_t*>(data_.data());
-    return messages_.write(&sample);
+    const Status status = messages_.write(&sample);
+    return status == Status::ok ? judged : status;
   }
   /// How many subscriptions there are.
   int subscribers() const noexcept { return messages_.subscribers(); }

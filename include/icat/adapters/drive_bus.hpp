@@ -9,14 +9,16 @@
 ///
 /// and `send` hands out, once in a period, a command to each drive and then SYNC, so that what the
 /// drives measure at this SYNC comes before the next cycle; and at any time our heartbeat,
-/// configuration and starts.
+/// configuration and starts. Where the transport takes too few frames in a call, the next call goes
+/// on with the drive at which it ended.
 ///
 /// **What stops the arm.** Each of these makes `send` command a quick stop to all drives, in the
 /// same call, and until `enable` is called again: a drive's heartbeat is silent for more than three
 /// periods; a drive restarts, or leaves the operational state; its measurements are older than
 /// `feedback_timeout`; it has a fault, or leaves operation by itself; it does not reach operation
 /// within `start_timeout`; time that is set back by more than a period. `cause` and `culprit` say
-/// which. Where the caller goes on sending but commands nothing for `hold`, the velocity is 0.
+/// which. Where the caller goes on sending but commands nothing for `hold`, the velocity is 0; in
+/// profile position a drive completes the move that it has begun.
 ///
 /// **What stops the arm when we die.** Each drive watches our heartbeat (0x1016: three periods) and
 /// our commands (0x1400, 5: `command_timeout`), and makes a quick stop of its own (0x6007 = 3).
@@ -85,6 +87,7 @@ constexpr const char* describe(StopCause cause) noexcept {
 class DriveBus {
  public:
   /// @param drives in the order of the robot's joints.
+  /// @param options of the bus.
   /// @throws std::invalid_argument on no drive, two drives of one node or one of ours, and on
   ///         options out of range, with the name of the drive.
   [[gnu::cold]] explicit DriveBus(const std::vector<DriveOptions>& drives,
@@ -129,27 +132,34 @@ class DriveBus {
     return false;
   }
   /// One cycle at `now`, s. Hands at most 3 n + 2 frames to `send`, `bool(const CanFrame&)`, which
-  /// returns false where the transport takes no more. Returns whether all were taken; what was not
-  /// is sent at the next call, commands as they are then. A time that is not finite does nothing.
+  /// must not throw and returns false where the transport takes no more. Returns whether all were
+  /// taken; what was not is sent first at the next call, commands as they are then. A time that is
+  /// not finite does nothing.
   template <class Send>
   bool send(double now, Send&& send) noexcept {
     if (!std::isfinite(now)) return false;
     advance(now);
-    const bool due = !(now < next_ - options_.period / 4);
-    for (Drive& drive : drives_) {
-      if (!(due || stopping_now_) || !drive.node().configured()) continue;
-      if (!send(drive.command_frame(request_, enabled_, options_.hold, now))) return false;
-    }
-    if (due) {
-      if (!send(sync_frame())) return false;
-      // On the grid of the first call, so that a caller's jitter does not add up.
-      const bool on_grid = now - next_ < options_.period / 2;
-      next_ = (on_grid ? next_ : now) + options_.period;
-    }
-    stopping_now_ = false;
+    // Before all else: where the transport takes too little, it would be the last one in each call.
     if (!(now < next_heartbeat_)) {
       if (!send(heartbeat_frame(options_.master, NmtState::operational))) return false;
       next_heartbeat_ = now + options_.heartbeat_period;
+    }
+    if (!in_cycle_ && !(now < next_ - options_.period / 4)) {
+      in_cycle_ = true;
+      unserved_ = drives_.size();
+    }
+    // On from the drive at which the transport took no more, so that none is left out for ever.
+    for (; unserved_ > 0; --unserved_, first_ = (first_ + 1) % drives_.size()) {
+      Drive& drive = drives_[first_];
+      if (!drive.node().configured()) continue;
+      if (!send(drive.command_frame(request_, enabled_, options_.hold, now))) return false;
+    }
+    if (in_cycle_) {
+      if (!send(sync_frame())) return false;
+      in_cycle_ = false;
+      // On the grid of the first call, so that a caller's jitter does not add up.
+      const bool on_grid = now - next_ < options_.period / 2;
+      next_ = (on_grid ? next_ : now) + options_.period;
     }
     for (Drive& drive : drives_) {
       if (!drive.node().send(send)) return false;
@@ -157,9 +167,12 @@ class DriveBus {
     return true;
   }
 
-  /// Asks for operation: from whatever state, also from a fault, which is reset. `not_started`
-  /// where a drive is not `ready`: nothing happens. Commands count once all drives operate.
+  /// Asks for operation: from whatever state, also from a fault, which is reset, and from a quick
+  /// stop, which is left by taking the torque off where the drive stays in it for a second. Until
+  /// the first call the torque is off. `not_started` where a drive is not `ready`: nothing happens.
+  /// Commands count once all drives operate. Until a stop, further calls change nothing.
   Status enable(double now) noexcept {
+    if (request_ == DriveRequest::enabled) return Status::ok;
     if (!ready(now)) return Status::not_started;
     request_ = DriveRequest::enabled;
     cause_ = StopCause::none;
@@ -236,7 +249,7 @@ class DriveBus {
     cause_ = cause;
     culprit_ = culprit;
     enabled_ = false;
-    stopping_now_ = true;
+    unserved_ = drives_.size();
     for (Drive& drive : drives_) drive.clear_command();
   }
   void advance(double now) noexcept {
@@ -289,7 +302,9 @@ class DriveBus {
   StopCause cause_{StopCause::none};
   std::size_t culprit_{0};
   bool enabled_{false};
-  bool stopping_now_{false};
+  bool in_cycle_{false};     // SYNC is due, after the commands
+  std::size_t unserved_{0};  // drives, from the first_ on, that a command is due to
+  std::size_t first_{0};
   double since_{0};
   double last_{-std::numeric_limits<double>::infinity()};
   double next_{-std::numeric_limits<double>::infinity()};

@@ -136,8 +136,9 @@ class MavlinkVehicle {
   void set_mode(ArduSubMode mode) noexcept {
     requests_.ask(Requests::mode, MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, static_cast<float>(mode));
   }
-  /// Asks for the thrusters to be enabled, after a mode that was asked for. The vehicle refuses
-  /// while its own checks fail.
+  /// Asks for the thrusters to be enabled, after a mode that was asked for; where that one is
+  /// refused or unanswered this is, too, and is not sent. The vehicle refuses while its own checks
+  /// fail.
   void arm() noexcept { requests_.ask(Requests::arming, 1, 0); }
   /// Asks for the thrusters to be disabled, before anything else that was asked.
   void disarm() noexcept { requests_.ask(Requests::arming, 0, 0); }

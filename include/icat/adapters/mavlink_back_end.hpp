@@ -39,7 +39,10 @@ class MavlinkBackEnd {
 
   /// @throws std::invalid_argument where BᵀB is not I.
   [[gnu::cold]] MavlinkBackEnd(const R& robot, MavlinkVehicle& vehicle, T& transport)
-      : vehicle_(&vehicle), transport_(&transport), columns_(robot.base_columns()) {
+      : vehicle_(&vehicle),
+        transport_(&transport),
+        columns_(robot.base_columns()),
+        size_(robot.dof()) {
     if (columns_.count > 6) {
       detail::invalid("MavlinkBackEnd: a base of ", columns_.count, " columns");
     }
@@ -97,7 +100,7 @@ class MavlinkBackEnd {
   Status write(double time, const Vector<Scalar, R::size>& velocity) noexcept {
     std::array<double, 6> twist{};
     Status status = Status::ok;
-    if (velocity.size() < columns_.first + columns_.count) {
+    if (velocity.size() != size_) {
       status = Status::wrong_size;
     } else {
       for (Index i = 0; i < columns_.count; ++i) {
@@ -122,6 +125,7 @@ class MavlinkBackEnd {
   MavlinkVehicle* vehicle_;
   T* transport_;
   ColumnRange columns_;
+  Index size_;                                     // of ẏ
   std::array<std::array<double, 6>, 6> motion_{};  // of each column its twist
   std::array<std::uint8_t, 2048> buffer_;
 };

@@ -241,6 +241,7 @@ class Stamps {
       rising_ = 0;
       since_ = now;
     }
+    if (now < since_) since_ = now;  // a clock that was set back
     candidate_ = stamp;
     if (++rising_ < 3 || !(now - since_ >= 0.5)) return Place::older;
     take(stamp);

@@ -96,6 +96,10 @@ class Requests {
 
   void settle(MavlinkRequest state) noexcept {
     all_[active_].state = state;
+    // In a mode that nobody asked for the thrusters stay off.
+    Request& arm = all_[arming];
+    const bool waits = arm.state == MavlinkRequest::pending && arm.first != 0;
+    if (active_ == mode && state != MavlinkRequest::done && waits) arm.state = state;
     active_ = count;
   }
 

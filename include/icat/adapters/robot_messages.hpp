@@ -34,6 +34,22 @@ struct Odometry {
   std::array<double, 6> twist{};                  ///< [linear; angular] on the base, m/s, rad/s
 };
 
+/// Whether `odometry` is finite and its orientation one: `non_finite`, `not_a_rotation`. The square
+/// of a quaternion's norm may be 0.01 away from 1, as tf2 has it; it is brought to the norm 1.
+/// Where it is refused `odometry` stays. No allocation.
+inline Status normalize(Odometry& odometry) noexcept {
+  double sum = 0, square = 0;  // 0 · x is no number where x is none, or infinite
+  for (const double x : odometry.position) sum += 0 * x;
+  for (const double x : odometry.twist) sum += 0 * x;
+  for (const double x : odometry.orientation) sum += 0 * x;
+  if (!std::isfinite(sum)) return Status::non_finite;
+  for (const double x : odometry.orientation) square += x * x;
+  if (!(std::abs(square - 1) <= 0.01)) return Status::not_a_rotation;
+  const double norm = std::sqrt(square);
+  for (double& x : odometry.orientation) x /= norm;
+  return Status::ok;
+}
+
 /// A velocity of the base, [linear; angular] on the base, m/s, rad/s.
 using Twist = std::array<double, 6>;
 

@@ -56,9 +56,6 @@ struct Ros1Options {
 
 namespace detail::ros1 {
 
-/// How far the square of a quaternion's norm may be from 1: tf2's limit for the same.
-inline constexpr double quaternion_tolerance = 0.01;
-
 /// When a message came that waited for `receive`, which runs at `now`.
 inline double arrival(double now, double waited) noexcept {
   return waited > 0 ? now - waited : now;
@@ -92,19 +89,15 @@ inline Status take(const OdometryView& message, Received<Odometry>& odometry, St
   Odometry value;
   const auto copy = [](const auto& from, auto& to) {
     std::copy(std::begin(from), std::end(from), to.begin());
-    return std::all_of(to.begin(), to.end(), [](double x) { return std::isfinite(x); });
   };
-  if (!copy(message.position, value.position) || !copy(message.orientation, value.orientation) ||
-      !copy(message.twist, value.twist) || !std::isfinite(now)) {
-    return Status::non_finite;
-  }
-  const auto& q = value.orientation;
-  const double square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
-  if (!(std::abs(square - 1) <= quaternion_tolerance)) return Status::not_a_rotation;
-  const double norm = std::sqrt(square);
-  for (double& x : value.orientation) x /= norm;
-  const Status status = order.accept(stamp);
-  if (status == Status::ok) odometry.put(value, arrival(now, message.waited));
+  copy(message.position, value.position);
+  copy(message.orientation, value.orientation);
+  copy(message.twist, value.twist);
+  const double came = arrival(now, message.waited);
+  if (!std::isfinite(came)) return Status::non_finite;
+  Status status = normalize(value);
+  if (status == Status::ok) status = order.accept(stamp);
+  if (status == Status::ok) odometry.put(value, came);
   return status;
 }
 

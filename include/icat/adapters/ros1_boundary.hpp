@@ -115,7 +115,7 @@ class RosLink : public Link {
     listener_ = &listener;
     try {
       queue_.callAvailable(::ros::WallDuration(0));
-    } catch (const std::exception&) {  // of roscpp's: what has not come ages
+    } catch (...) {  // of roscpp's, some of which are no std::exception: what has not come ages
     }
     listener_ = nullptr;
   }
@@ -146,14 +146,14 @@ class RosLink : public Link {
       if (!publisher || !::ros::ok()) return false;
       publisher.publish(message);
       return true;
-    } catch (const std::exception&) {
+    } catch (...) {
       return false;
     }
   }
   static unsigned listeners(const ::ros::Publisher& publisher) noexcept {
     try {
       return publisher ? publisher.getNumSubscribers() : 0;
-    } catch (const std::exception&) {
+    } catch (...) {
       return 0;
     }
   }
@@ -202,6 +202,8 @@ __attribute__((used)) inline std::unique_ptr<Link> open(const Settings& settings
     error = "the master at " + ::ros::master::getURI() + " does not open the topics";
   } catch (const std::exception& reason) {  // a name that ROS does not take, no socket
     error = reason.what();
+  } catch (...) {  // XmlRpc's, boost's interruption of a thread
+    error = "roscpp failed without a reason";
   }
   return nullptr;
 }

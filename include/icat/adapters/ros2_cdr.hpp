@@ -11,7 +11,6 @@
 #pragma once
 
 #include <array>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -237,21 +236,6 @@ inline Status put(const JointStateMessage& message, double now, JointStates& joi
     if (status != Status::ok && status != Status::unknown_joint) worst = status;
   }
   return worst;
-}
-
-/// Whether `odometry` is finite and its orientation one; `non_finite`, `not_a_rotation`. What is
-/// one within 0.01 of its norm, as tf2 has it, is brought to the norm 1.
-inline Status normalize(Odometry& odometry) noexcept {
-  double sum = 0;
-  for (const double x : odometry.position) sum += 0 * x;
-  for (const double x : odometry.twist) sum += 0 * x;
-  double square = 0;
-  for (const double x : odometry.orientation) square += x * x;
-  if (!std::isfinite(sum + 0 * square)) return Status::non_finite;
-  const double norm = std::sqrt(square);
-  if (!(std::fabs(norm - 1) <= 0.01)) return Status::not_a_rotation;
-  for (double& x : odometry.orientation) x /= norm;
-  return Status::ok;
 }
 
 }  // namespace icat::ros2

@@ -117,8 +117,8 @@ class SocketCan {
     last_error_ = errno;
     return CanStatus::down;
   }
-  /// Takes the next frame that has come. Anything but `ok` leaves `frame` as it was; after `error`
-  /// and `malformed` there may be more, after `empty` and `down` there is not.
+  /// Takes the next frame that has come. Anything but `ok` leaves `frame` as it was. After `empty`
+  /// there is no more; after `down` there may be what came before the interface went.
   CanStatus receive(CanFrame& frame) noexcept {
     can_frame raw{};
     // A message that is longer is no can_frame: MSG_TRUNC makes the kernel say so.

@@ -13,8 +13,9 @@
 ///                         time                             not converged
 ///     close      grasp    grasp closed                     carry
 ///                         grasp empty, time                empty grasp
+///                         grasp slipped                    slipped
 ///     carry      carry    at_posture                       done
-///                         grasp empty                      slipped
+///                         grasp slipped, grasp empty       slipped
 ///                         time                             not converged
 ///     done       carry    the mission
 ///     failures   none     the mission
@@ -63,10 +64,10 @@ inline constexpr const char* grasp_failures[] = {
 }  // namespace detail
 
 /// The mission of the file comment. Its events: "object detected", at the first detection that is
-/// sure; "object lost", not seen for 3 s or so, which is for the vision to judge; "grasp closed"
-/// and "grasp empty" from the hand; "out of bounds" and "fault" from whoever watches. That a time
-/// is up or the posture reached the mission finds out by itself. Its actions: "survey", "grasp",
-/// "carry".
+/// sure; "object lost", not seen for 3 s or so, which is for the vision to judge; "grasp closed",
+/// "grasp empty" and "grasp slipped" from the hand (control/grasp_detector.hpp); "out of bounds"
+/// and "fault" from whoever watches. That a time is up or the posture reached the mission finds out
+/// by itself. Its actions: "survey", "grasp", "carry".
 /// @throws std::invalid_argument without conditions, or on numbers out of range (see `Mission`).
 [[gnu::cold]] inline Mission maris_mission(const MarisMissionOptions& options) {
   const auto& o = options;
@@ -101,7 +102,8 @@ inline constexpr const char* grasp_failures[] = {
        .time_limit = o.close_limit,
        .on_timeout = "empty grasp",
        .on = {{.event = "grasp closed", .to = "carry"},
-              {.event = "grasp empty", .to = "empty grasp"}}},
+              {.event = "grasp empty", .to = "empty grasp"},
+              {.event = "grasp slipped", .to = "slipped"}}},
       {.name = "carry",
        .action = "carry",
        .fade = o.fade,
@@ -109,7 +111,8 @@ inline constexpr const char* grasp_failures[] = {
        .then = "done",
        .time_limit = o.carry_limit,
        .on_timeout = "not converged",
-       .on = {{.event = "grasp empty", .to = "slipped"}}},
+       .on = {{.event = "grasp slipped", .to = "slipped"},
+              {.event = "grasp empty", .to = "slipped"}}},
       {.name = "done", .action = "carry", .fade = o.fade, .end = PhaseEnd::success}};
   for (const char* reason : detail::grasp_failures) {
     if (*reason == '\0') continue;

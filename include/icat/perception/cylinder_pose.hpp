@@ -19,7 +19,7 @@
 /// most: `rim_error`. Without an end the origin is the point of the axis nearest to ⟨c⟩, five
 /// degrees of freedom are measured, and the variance along y is infinite.
 ///
-/// The covariance is that of the lines carried through to first order. Minimum and gate are ours.
+/// The covariance is that of the lines carried through to first order. Limits and gates are ours.
 #pragma once
 
 #include <algorithm>

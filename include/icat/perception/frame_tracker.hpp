@@ -156,6 +156,9 @@ class FrameTracker {
     if (!detail::all_finite(pose.matrix())) return Status::non_finite;
     return is_rigid(pose) ? Status::ok : Status::not_a_rotation;
   }
+  static Matrix3<Scalar> orthonormal(const Matrix3<Scalar>& R) noexcept {
+    return detail::UnitQuaternion<Scalar>::of(R).matrix();
+  }
   static Pose<Scalar> inverse(const Pose<Scalar>& pose) noexcept {
     const Matrix3<Scalar> R = detail::transpose(detail::rotation(pose));
     return detail::make_pose(R, detail::scaled(detail::times(R, detail::origin(pose)), Scalar(-1)));
@@ -163,15 +166,16 @@ class FrameTracker {
   // A frame on the vehicle that is at rest in ⟨0⟩ while the vehicle goes.
   static Pose<Scalar> carried(const Pose<Scalar>& frame, const Pose<Scalar>& before,
                               const Pose<Scalar>& now, bool position) noexcept {
-    Pose<Scalar> moved = detail::compose(inverse(now), before);
-    if (!position) {
-      moved = detail::make_pose(detail::rotation(moved),
-                                Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0)));
+    // Steps are chained without end: what is wrong with a rotation would grow, and so would the
+    // rounding of a position far from the origin.
+    const Matrix3<Scalar> back = detail::transpose(orthonormal(detail::rotation(now)));
+    const Matrix3<Scalar> turn = detail::times(back, orthonormal(detail::rotation(before)));
+    Vector3<Scalar> p = detail::times(turn, detail::origin(frame));
+    if (position) {
+      const Vector3<Scalar> gone = detail::minus(detail::origin(before), detail::origin(now));
+      p = detail::plus(p, detail::times(back, gone));
     }
-    const Pose<Scalar> result = detail::compose(moved, frame);
-    // Steps are chained without end.
-    return detail::make_pose(detail::UnitQuaternion<Scalar>::of(detail::rotation(result)).matrix(),
-                             detail::origin(result));
+    return detail::make_pose(orthonormal(detail::times(turn, detail::rotation(frame))), p);
   }
 
   Status take(const Pose<Scalar>& seen, Scalar distance, bool end_seen, const Gains& gains,
@@ -204,7 +208,7 @@ class FrameTracker {
     }
     const Matrix3<Scalar> nearer =
         detail::times(from, rotation_exp<Scalar>(detail::scaled(turn, gains.turn)));
-    frame_ = detail::make_pose(detail::UnitQuaternion<Scalar>::of(nearer).matrix(),
+    frame_ = detail::make_pose(orthonormal(nearer),
                                detail::plus(detail::origin(frame_), gains.position, jump));
     hit();
     return Status::ok;

@@ -40,9 +40,11 @@ struct PipeView {
   int count{0};                             ///< 0 … 8
 
   /// What was found.
-  std::span<const ContourLine<Scalar>> lines() const noexcept {
+  std::span<const ContourLine<Scalar>> lines() const& noexcept {
     return {line.data(), static_cast<std::size_t>(count)};
   }
+  /// Of a picture that ends with the expression nothing would be left.
+  std::span<const ContourLine<Scalar>> lines() const&& = delete;
 };
 
 /// See the file comment.
@@ -99,6 +101,7 @@ class StereoPipe {
   /// taken. A picture without any line arrives, too, and so does one of poses that are not finite.
   /// Nothing where the time is not finite; where it is earlier than the last picture the schedule
   /// begins anew. No allocation.
+  /// @param time     s
   /// @param vehicle  ⟨v⟩ in ⟨0⟩
   /// @param pipe     ⟨o⟩ in ⟨0⟩
   /// @param arm      what covers the pipe (`ArmMask::outline`); without hulls nothing does

@@ -46,7 +46,7 @@ struct Drive {
   double heartbeat_period{0.1}, next_heartbeat{0};
   std::uint16_t control{0}, extra_status{0};
   std::int32_t target{0}, position{0};
-  int setpoints{0};
+  int setpoints{0}, acknowledges{0}, acknowledges_for{0};  // cycles
 
   void boot(std::vector<CanFrame>& out) {
     nmt = NmtState::pre_operational;
@@ -123,11 +123,16 @@ struct Drive {
       const auto c = static_cast<std::uint16_t>(f.data[0] | f.data[1] << 8);
       if (objects[0x606000] == 3) target = static_cast<std::int32_t>(value);
       if (objects[0x606000] == 1 && state == DriveState::operation_enabled) {
-        if ((c & 0x10) && !bit4) {
+        if ((c & 0x10) && !bit4 && !acknowledged) {
           target = static_cast<std::int32_t>(value);
           ++setpoints;
         }
-        acknowledged = c & 0x10;
+        if (c & 0x10) {
+          acknowledged = true;
+          acknowledges = acknowledges_for;
+        } else if (--acknowledges <= 0) {
+          acknowledged = false;
+        }
       }
       controlword(c);
     } else if (nmt == NmtState::operational && f.id == 0x80) {
@@ -161,6 +166,7 @@ struct Line {
   std::vector<Drive> drives;
   double now{100};
   std::vector<CanFrame> sent, back;
+  std::size_t room{1000};  // frames that the transport takes in a cycle
 
   explicit Line(const std::vector<icat::canopen::DriveOptions>& options,
                 const icat::canopen::DriveBusOptions& shared = {})
@@ -179,7 +185,11 @@ struct Line {
     }
     sent.clear();
     for (const CanFrame& f : back) bus.receive(f, now);
-    bus.send(now, [&](const CanFrame& f) { return sent.push_back(f), true; });
+    bus.send(now, [&](const CanFrame& f) {
+      if (sent.size() == room) return false;
+      sent.push_back(f);
+      return true;
+    });
   }
   template <class Condition>
   bool until(Condition condition, double seconds) {

@@ -307,7 +307,9 @@ TEST(Cia402, AFaultThatStaysEndsTheTry) {
           edges += (f.data[0] & 0x80) && !high;
           high = f.data[0] & 0x80;
         }
-        return line.bus.cause() == StopCause::fault;
+        if (line.bus.cause() == StopCause::fault) return true;
+        EXPECT_EQ(line.bus.enable(line.now), Status::ok) << "asked again and again: the same try";
+        return false;
       },
       2));
   EXPECT_EQ(edges, 3);
@@ -383,6 +385,15 @@ TEST(Cia402, PositionGoesByHandshake) {
   EXPECT_EQ(line.bus.command_velocity(0, 1, line.now), Status::out_of_range);
   EXPECT_EQ(line.bus.command_position(0, 1e9, line.now), Status::out_of_range);
   EXPECT_EQ(line.drives[0].setpoints, 0);
+  line.drives[0].extra_status = 0x0400;  // it stands where it was last told to
+  line.cycle();
+  line.cycle();
+  EXPECT_TRUE(line.bus.drive(0).target_reached());
+  EXPECT_EQ(line.bus.command_position(0, 1.5, line.now), Status::ok);
+  EXPECT_FALSE(line.bus.drive(0).target_reached()) << "it does not know this one yet";
+  line.cycle();
+  EXPECT_FALSE(line.bus.drive(0).target_reached()) << "it may not know it yet";
+  line.drives[0].extra_status = 0;
   for (int k = 0; k < 10; ++k) {  // the same one ten times is one
     EXPECT_EQ(line.bus.command_position(0, 1.5, line.now), Status::ok);
     line.cycle();
@@ -396,6 +407,14 @@ TEST(Cia402, PositionGoesByHandshake) {
   for (int k = 0; k < 8; ++k) line.cycle();
   EXPECT_EQ(line.drives[0].target, -28000) << "the last one counts";
   EXPECT_GE(line.drives[0].setpoints, 9);
+  // A drive that takes its time until it may have the next one.
+  line.drives[0].acknowledges_for = 7;
+  for (int k = 1; k <= 40; ++k) {
+    EXPECT_EQ(line.bus.command_position(0, 1.9 + 0.01 * k, line.now), Status::ok);
+    line.cycle();
+  }
+  for (int k = 0; k < 20; ++k) line.cycle();
+  EXPECT_EQ(line.drives[0].target, -36000);
   // A stop forgets it; after that it is a new one.
   line.bus.stop();
   ASSERT_TRUE(
@@ -511,6 +530,10 @@ TEST(DriveBus, HeartbeatLossIsMoreThanThreePeriods) {
 TEST(DriveBus, AnAbsentOrWrongDriveIsNoArm) {
   model::Line line({shoulder, elbow});
   line.drives[1].answers = false;
+  // Who knows how it lays out its data.
+  line.bus.receive({0x182, 8, {0x37, 2, 9, 9, 9, 9}}, line.now);
+  EXPECT_EQ(line.bus.drive(1).sample().count, 0u);
+  EXPECT_EQ(line.bus.drive(1).state(), DriveState::unknown);
   EXPECT_FALSE(line.until([&] { return line.bus.ready(line.now); }, 3));
   EXPECT_EQ(line.bus.enable(line.now), Status::not_started);
   line.drives[1].device = 0x20191;  // inputs and outputs
@@ -536,6 +559,37 @@ TEST(DriveBus, AFullTransportKeepsWhatIsNew) {
   EXPECT_EQ(line.sent.size(), 3u) << "a command each and SYNC, not six of them";
   line.cycle();
   EXPECT_EQ(line.drives[0].target, 5000);
+}
+
+// A queue of ten frames, Linux' default for CAN: the last drive hears a stop as the first does, and
+// each hears that we live.
+TEST(DriveBus, AShortQueueLeavesNoDriveOut) {
+  for (const int count : {9, 10, 12, 24}) {
+    std::vector<DriveOptions> drives;
+    for (int i = 1; i <= count; ++i) {
+      drives.push_back({.name = std::to_string(i), .node = i, .counts_per_radian = 1e4});
+    }
+    model::Line line(drives);
+    ASSERT_TRUE(line.enable());
+    line.room = 10;
+    std::vector<double> heard(static_cast<std::size_t>(count), line.now);
+    double beat = line.now;
+    for (int k = 0; k < 100; ++k) {
+      line.cycle();
+      for (const CanFrame& f : line.sent) {
+        if (f.id > 0x200 && f.id < 0x280) heard[f.id - 0x201] = line.now;
+        if (f.id == 0x77f) beat = line.now;
+      }
+      for (const double time : heard) ASSERT_LT(line.now - time, 0.045) << count << " drives";
+      ASSERT_LT(line.now - beat, 0.125) << count << " drives";
+    }
+    EXPECT_TRUE(line.bus.healthy(line.now)) << count << " drives";
+    for (int k = 0; k < 5; ++k) {  // who holds a button down
+      line.bus.stop();
+      line.cycle();
+    }
+    for (const model::Drive& d : line.drives) EXPECT_EQ(d.control, 2) << count << ", " << d.node;
+  }
 }
 
 TEST(DriveBus, SyncKeepsItsRateInAFasterLoop) {

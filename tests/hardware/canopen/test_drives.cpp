@@ -393,6 +393,29 @@ TEST(Drives, BusLoadOfTen) {
   }
 }
 
+// The interface goes and comes: a status, and the same socket works again.
+TEST(Drives, InterfaceGoesDown) {
+  const std::string name = hardware::CanLine::interface();
+  if (name.empty()) GTEST_SKIP() << "a pair has no interface: see test_socketcan";
+  icat::SocketCan can(name), other(name);
+  ASSERT_EQ(can.send({1, 0, {}}), CanStatus::ok);
+  ASSERT_EQ(std::system(("ip link set " + name + " down").c_str()), 0);
+  EXPECT_EQ(can.send({2, 0, {}}), CanStatus::down);
+  CanFrame frame;
+  CanStatus status = other.receive(frame);
+  for (int k = 0; k < 3 && status != CanStatus::down; ++k) status = other.receive(frame);
+  EXPECT_EQ(status, CanStatus::down);
+  EXPECT_EQ(other.last_error(), ENETDOWN);
+  ASSERT_EQ(std::system(("ip link set " + name + " up").c_str()), 0);
+  ASSERT_EQ(can.send({3, 1, {7}}), CanStatus::ok);
+  const CanFrame last{3, 1, {7}};
+  for (int k = 0; k < 100 && frame != last; ++k) {
+    ASSERT_EQ(other.receive_all([&](const CanFrame& f) { frame = f; }), CanStatus::ok);
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  EXPECT_EQ(frame, last);
+}
+
 // How a program looks that has no more to do than to turn two joints; also on the page.
 TEST(Drives, Example) {
   hardware::CanLine line("1,2");

@@ -14,12 +14,6 @@ using icat::SocketCan;
 
 class SocketPair : public testing::Test {
  protected:
-  SocketPair() {
-    int ends[2];
-    if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0) std::abort();
-    far_ = ends[1];
-    can_ = SocketCan::from_descriptor(ends[0]);
-  }
   ~SocketPair() override { ::close(far_); }
   void put(const can_frame& raw, std::size_t size = sizeof(can_frame)) {
     ASSERT_EQ(::send(far_, &raw, size, 0), static_cast<ssize_t>(size));
@@ -30,7 +24,15 @@ class SocketPair : public testing::Test {
     return raw;
   }
   int far_{-1};
-  SocketCan can_ = SocketCan::from_descriptor(::dup(0));
+  SocketCan can_ = SocketCan::from_descriptor(open_pair());
+
+ private:
+  int open_pair() {
+    int ends[2];
+    if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0) std::abort();
+    far_ = ends[1];
+    return ends[0];
+  }
 };
 
 TEST_F(SocketPair, FramesGoThrough) {

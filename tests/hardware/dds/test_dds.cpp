@@ -262,6 +262,49 @@ TEST(Dds, PeerIsKilledAndComesBackWithAnotherClock) {
   EXPECT_EQ(robot.arm.refused(), 0u);
 }
 
+// A command that is none stops the robot: what it was told last would go on.
+TEST(Dds, ABadCommandIsZero) {
+  hardware::Process process(peer(0));
+  Robot robot;
+  ASSERT_TRUE(robot.found(20));
+  const auto obeyed = [&](double velocity) {
+    for (const double end = now() + 5; now() < end;) {
+      robot.arm.read(now());
+      if (robot.arm.states()[0].value.velocity == velocity) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    return false;
+  };
+  const std::array<double, 3> good{0.1, 0.1, 0.1};
+  EXPECT_EQ(robot.commands.write(good), icat::Status::ok);
+  EXPECT_TRUE(obeyed(0.1));
+  EXPECT_EQ(robot.commands.write(std::array<double, 3>{0.1, NAN, 0.1}), icat::Status::non_finite);
+  EXPECT_TRUE(obeyed(0));
+  EXPECT_EQ(robot.commands.write(good), icat::Status::ok);
+  EXPECT_TRUE(obeyed(0.1));
+  EXPECT_EQ(robot.commands.write(std::array<double, 2>{0.1, 0.1}), icat::Status::wrong_size);
+  EXPECT_TRUE(obeyed(0));
+  EXPECT_EQ(robot.twist.write({INFINITY}), icat::Status::non_finite);
+  std::array<std::uint8_t, 64> room;
+  const std::size_t size = icat::ros2::encode(icat::Twist{}, room);
+  EXPECT_TRUE(process.wait_for("twist " + hex(icat::ros2::Bytes(room).first(size)) + "\n", 5));
+}
+
+// The robot dies while the loop stands still: what lay in the queue is as old as it is.
+TEST(Dds, WaitingIsAge) {
+  hardware::Process process(peer(0));
+  Robot robot;
+  ASSERT_TRUE(robot.found(20));
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));  // something waits
+  process.kill();
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  const double time = now();
+  EXPECT_GT(robot.arm.read(time), 0);
+  EXPECT_GT(robot.odometry.read(time), 0);
+  EXPECT_GT(robot.arm.states().age(time), 0.45);
+  EXPECT_FALSE(robot.odometry.last().fresh(time, 0.45));
+}
+
 // A peer that hangs, and acknowledges nothing: `write` waits for nobody, and it goes on with the
 // newest command when the peer does.
 TEST(Dds, PeerHangs) {

@@ -192,6 +192,15 @@ TEST_F(Vehicle, KnowsLateStampsFromAReboot) {
   EXPECT_NEAR(vehicle.position().time, 1.59, 1e-9);
 }
 
+// Our clock is set back by an hour just after the vehicle started anew.
+TEST_F(Vehicle, KnowsARebootAlsoWhenTheClockJumpsBack) {
+  position(50000, 4000, 1);
+  for (std::uint32_t k = 0; k < 10; ++k) position(100 + 10 * k, 4000 + 0.01 * k, 2);
+  for (std::uint32_t k = 0; k < 60; ++k) position(200 + 10 * k, 400 + 0.01 * k, 2);
+  EXPECT_EQ(vehicle.odometry().position[0], 2);
+  EXPECT_EQ(vehicle.counts().reboots, 1u);
+}
+
 TEST_F(Vehicle, RefusesFlagsThatItDoesNotKnow) {
   mavlink_message_t m;
   mavlink_msg_local_position_ned_pack_status(1, 1, &numbers, &m, 1, 2, 3, 4, 5, 6, 7);
@@ -312,6 +321,29 @@ TEST_F(Vehicle, RequestsAreDoneWhenAnsweredAndShown) {
   answer(MAV_CMD_COMPONENT_ARM_DISARM, MAV_RESULT_FAILED, 1.6);
   EXPECT_EQ(vehicle.arm_request(), icat::MavlinkRequest::refused);
   EXPECT_EQ(count(sent(2.6), MAVLINK_MSG_ID_COMMAND_LONG), 0u);
+}
+
+// ArduSub refuses GUIDED while its filter has no position, and would arm in the mode that it is in.
+TEST_F(Vehicle, DoesNotArmInAnotherMode) {
+  vehicle.set_mode(icat::ArduSubMode::guided);
+  vehicle.arm();
+  EXPECT_EQ(command(sent(0)).command, MAV_CMD_DO_SET_MODE);
+  answer(MAV_CMD_DO_SET_MODE, MAV_RESULT_FAILED, 0.1);
+  EXPECT_EQ(vehicle.mode_request(), icat::MavlinkRequest::refused);
+  EXPECT_EQ(vehicle.arm_request(), icat::MavlinkRequest::refused);
+  EXPECT_EQ(count(sent(1), MAVLINK_MSG_ID_COMMAND_LONG), 0u);
+  // The same where nobody answers; who asks for arming alone gets it in any mode.
+  vehicle.set_mode(icat::ArduSubMode::guided);
+  vehicle.arm();
+  for (int k = 0; k < 500; ++k) {
+    const auto all = sent(2 + 0.01 * k);
+    if (count(all, MAVLINK_MSG_ID_COMMAND_LONG) > 0) {
+      EXPECT_EQ(command(all).command, MAV_CMD_DO_SET_MODE);
+    }
+  }
+  EXPECT_EQ(vehicle.arm_request(), icat::MavlinkRequest::unanswered);
+  vehicle.arm();
+  EXPECT_EQ(command(sent(8)).command, MAV_CMD_COMPONENT_ARM_DISARM);
 }
 
 TEST_F(Vehicle, DisarmingDoesNotWait) {

@@ -85,8 +85,7 @@ TEST(Ros1Loop, LatencyAndAllocations) {
   // test_ros1_link counts ours without roscpp, exactly. Here one of ours for each cycle or message
   // would be at least `rate` a second; roscpp's deques make its own share uneven by less.
   const long ours = m.allocations_made - std::lround(of_roscpp);
-  m.latencies.print("ROS 1, rospy", rate, seconds,
-                    static_cast<double>(ours) > 0.1 * rate * seconds ? ours : 0);
+  m.latencies.print("ROS 1, rospy", rate, seconds, std::max(0L, ours));
   EXPECT_LT(static_cast<double>(ours), 0.1 * rate * seconds);
   // An answer that comes with the next one in one `receive` is not seen by itself.
   EXPECT_GT(static_cast<double>(m.latencies.size()), 0.5 * rate * seconds);
