@@ -50,7 +50,7 @@ struct PipeContoursOptions {
   double min_support = 0.5;      ///< share of a line that must have an edge, in (0, 1]
   double min_contrast = 8;       ///< of an edge, levels of yellow (opencv_edges.hpp), > 0
   double mask_margin = 6;        ///< the mask of the arm grows by it, px, >= 0
-  double deviation = 0.25;  ///< that all points of a line share, px, > 0: blur, shade, calibration
+  double deviation = 0.25;       ///< of each end of a line beyond noise, px, > 0: blur, shade
 };
 
 /// The pipe in the pictures of one camera. See the file comment.
