@@ -59,8 +59,9 @@ class PipeContours {
   /// Lines of one picture at most: two long contours, two ends.
   static constexpr std::size_t most = 4;
 
-  /// @param size    of the pictures, px, at least 64 × 64
-  /// @param camera  0 left, 1 right: what the lines carry
+  /// @param size     of the pictures, px, at least 64 × 64
+  /// @param camera   0 left, 1 right: what the lines carry
+  /// @param options  colour, sizes, errors
   /// @throws std::invalid_argument on a size, camera or option out of range.
   PipeContours(cv::Size size, int camera, const PipeContoursOptions& options = {})
       : size_(size),
@@ -91,10 +92,9 @@ class PipeContours {
     samples_.reserve(2048);
   }
 
-  /// A copy would share the pictures' buffers. Can be moved.
-  PipeContours(const PipeContours&) = delete;
+  PipeContours(const PipeContours&) = delete;  ///< a copy would share the buffers
   PipeContours& operator=(const PipeContours&) = delete;
-  PipeContours(PipeContours&&) = default;
+  PipeContours(PipeContours&&) = default;  ///< can be moved
 
   /// Forgets the arm. No allocation.
   void clear_mask() noexcept {

@@ -22,15 +22,21 @@ namespace icat {
 
 /// A point of a border, px from the middle of the image; n, of length 1, points into the region.
 struct BorderPoint {
-  float x, y, nx, ny;
+  float x;            ///< to the right, px
+  float y;            ///< down, px
+  float nx;           ///< of n
+  float ny;           ///< of n
   bool used = false;  ///< by a line that was found
 };
 
 /// A line with the region on its positive side, px from the middle of the image.
 struct DirectedLine {
-  double nx = 1, ny = 0, rho = 0;
-  double low = 0, high = 0;  ///< the ends of what was seen of it, along (−n_y, n_x), px
-  int support = 0;           ///< points on it
+  double nx = 1;    ///< cosθ
+  double ny = 0;    ///< sinθ
+  double rho = 0;   ///< ρ, px
+  double low = 0;   ///< where what was seen of it begins, along (−n_y, n_x), px
+  double high = 0;  ///< where it ends, px
+  int support = 0;  ///< points on it
 
   /// From (x, y) to the line, > 0 on the region's side, px.
   double distance(double x, double y) const noexcept { return nx * x + ny * y - rho; }
