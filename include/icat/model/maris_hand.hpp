@@ -157,8 +157,10 @@ class MarisHand {
   using Scalar = ScalarType;
   /// Indexed by `HandGroup`.
   using Angles = Vector3<Scalar>;
-  /// Joints, motors.
-  static constexpr int joint_count = 8, motor_count = 3;
+  /// Joints.
+  static constexpr int joint_count = 8;
+  /// Motors.
+  static constexpr int motor_count = 3;
 
   /// Lengths in m, angles in rad.
   struct Geometry {
