@@ -14,6 +14,7 @@
 #include "icat/control/base_compensation.hpp"
 #include "icat/control/base_state.hpp"
 #include "icat/control/controller.hpp"
+#include "icat/control/explain.hpp"
 #include "icat/control/held_reference.hpp"
 #include "icat/control/low_pass.hpp"
 #include "icat/control/motion_limits.hpp"
