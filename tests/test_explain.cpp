@@ -3,7 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <fstream>
 #include <icat/icat.hpp>
+#include <iostream>
+#include <sstream>
 
 #include "support/allocation_counter.hpp"
 #include "support/random_hierarchy.hpp"
@@ -188,7 +191,7 @@ TEST_F(Explain, OfTwoTasksInConflictTheLowerLosesToTheHigher) {
   EXPECT_GT(part(find(e, "right"), LossCause::level), 0.9999);
   expect(e, "left", Verdict::met, "gets what it wants");
   expect(e, "right", Verdict::yields,
-         "'right' gets 0 % of what it wants: 'left', which has priority");
+         "'right' gets 0 % of what it wants (0.1 m to go): 'left', which has priority");
 
   // Of equal rank both get the mean: nothing.
   Controller equal(robot, {{"go", {{left, right}}}});
@@ -211,7 +214,7 @@ TEST_F(Explain, ActivationsAndTransitionsAreNormal) {
   ASSERT_EQ(controller.start("hold", 0), Status::ok);
   ASSERT_EQ(controller.step(0), Status::ok);
   icat::Explainer<Controller> e(controller);
-  // Half of the wanted rate is in the weighted norm; a part row yields it half again.
+  // Alone, a row of activation a gets a times what it wants.
   EXPECT_GT(part(find(e, "joint limits"), LossCause::activation), 0.5);
   expect(e, "joint limits", Verdict::fades, "near its threshold");
   EXPECT_FALSE(e.alarm());
@@ -239,7 +242,8 @@ TEST(ExplainRobot, ASingularPostureAndAGoalOutOfReach) {
   EXPECT_NEAR(part(find(e, "reach"), LossCause::singular), 1, 1e-12);
   EXPECT_NEAR(find(e, "reach").position_left, 1, 1e-12);
   EXPECT_TRUE(find(e, "reach").alarm);
-  expect(e, "reach", Verdict::blocked, "the goal is out of reach (1 m to go)");
+  expect(e, "reach", Verdict::blocked,
+         "gets 0 % of what it wants (1 m to go): the robot cannot move that way");
   EXPECT_EQ(e.conclusion().find("Look here: 'reach' gets 0 %"), 0u) << e.conclusion();
 
   // Bent, it stretches by itself; then regularization is what keeps it from flying.
@@ -367,7 +371,7 @@ TEST_F(Explain, AClockThatStandsStill) {
   EXPECT_TRUE(e.alarm());
   EXPECT_NEAR(part(find(e, "tool pose"), LossCause::ramp), 1, 1e-6) << e.text();
   expect(e, "tool pose", Verdict::faulty, "the time stamps do not change");
-  EXPECT_EQ(e.conclusion(), "The robot is stopped: the time stamps do not change.");
+  EXPECT_EQ(e.conclusion(), "The robot stops: the time stamps do not change.");
 }
 
 TEST_F(Explain, StateThatIsOldAndAStop) {
@@ -381,7 +385,7 @@ TEST_F(Explain, StateThatIsOldAndAStop) {
   e.update();
   EXPECT_TRUE(e.alarm());
   EXPECT_GT(part(find(e, "tool pose"), LossCause::held), 0.9) << e.text();
-  EXPECT_EQ(e.conclusion(), "The robot is stopped: the robot's state is too old.");
+  EXPECT_EQ(e.conclusion(), "The robot stops: the robot's state is too old.");
   ASSERT_EQ(controller.step(0.03), Status::ok);
   ASSERT_EQ(controller.stop(0.03, 0.1), Status::ok);
   for (int i = 4; i < 30; ++i) ASSERT_EQ(controller.step(0.01 * i), Status::ok);
@@ -447,7 +451,8 @@ TEST(ExplainParallel, ABaseThatDoesNotDoWhatItIsAskedFor) {
   EXPECT_EQ(t.verdict, Verdict::blocked) << e.text();
   EXPECT_EQ(t.most()->cause, LossCause::base) << e.text();
   EXPECT_TRUE(robot.base_columns().holds(t.most()->column));
-  EXPECT_NE(e.sentence(1).find("the base does not move as it was asked to"), std::string::npos);
+  EXPECT_NE(e.sentence(1).find("does not move as it was asked to, most of all in the base's surge"),
+            std::string::npos);
   EXPECT_EQ(part(t, LossCause::held), 0);
   EXPECT_EQ(e.tasks()[0].verdict, Verdict::met) << e.text();
 
@@ -616,6 +621,98 @@ TEST_F(Explain, RefusesBadOptions) {
             "Explainer: tolerated must be finite and > 0, got -1");
   EXPECT_EQ(message_of([&] { E(controller, {.blocked = NAN}); }),
             "Explainer: blocked must be finite and > 0, got nan");
+}
+
+// --- docs/explain.md -----------------------------------------------------------------------------
+
+/// What is printed stands on the page, word for word.
+void expect_on_page(const std::string& text) {
+  std::cout << text << "\n";
+  const std::string here = __FILE__;
+  std::ifstream file(here.substr(0, here.rfind("tests")) + "docs/explain.md");
+  std::stringstream page;
+  page << file.rdbuf();
+  EXPECT_NE(page.str().find("```\n" + text + "```\n"), std::string::npos);
+}
+
+TEST(ExplainDocs, ThePageShowsWhatIsPrinted) {
+  Robot robot = maris_arm();
+  //! [tasks]
+  task::JointLimits<Robot> limits(robot, {.margin = 0.2});
+  task::FramePosition<Robot> tool(robot, robot.frame("end_effector"), {0.7, -0.8, -0.6},
+                                  {.name = "tool", .gain = 0.5});
+  icat::Controller<Robot> controller(robot, {{"reach", {{limits}, {tool}}}});
+  //! [tasks]
+  ASSERT_EQ(controller.start("reach", 0), Status::ok);
+  const auto run = [&](double from, double to) {
+    for (double t = from; t < to; t += 0.01) {
+      ASSERT_EQ(controller.step(t), Status::ok);
+      ASSERT_EQ(drive(robot, controller.velocity(), 0.01), Status::ok);
+    }
+  };
+  run(0, 20);
+  //! [text]
+  const std::string text = icat::explain(controller).text();
+  //! [text]
+  expect_on_page(text);
+
+  // On the way to another shape a motor dies.
+  Eigen::VectorXd goal = testing_support::bent_arm();
+  ASSERT_EQ(robot.update(goal), Status::ok);
+  goal(3) += 0.4;
+  goal(1) += 0.2;
+  task::JointPosition<Robot> shape(robot, goal, {.name = "shape", .gain = 0.5});
+  icat::Controller<Robot> loop(robot, {{"fold", {{limits}, {shape}}}});
+  std::string blame;
+  //! [loop]
+  icat::Explainer<icat::Controller<Robot>> why(loop);  // memory for all that follows
+  ASSERT_EQ(loop.start("fold", 0), Status::ok);
+  ASSERT_EQ(loop.set_given("joint4", true), Status::ok);  // its motor died
+  ASSERT_EQ(loop.step(0), Status::ok);
+  why.update();  // no allocation, no exception
+  for (const auto& t : why.tasks()) {
+    if (t.alarm && t.most() && t.most()->cause == icat::LossCause::given) {
+      blame = why.column_name(t.most()->column);
+    }
+  }
+  //! [loop]
+  EXPECT_EQ(blame, "joint4");
+  expect_on_page(why.text());
+  for (int i = 0; i < 100; ++i) (void)loop.step(0);
+  why.update();
+  expect_on_page(why.text());
+}
+
+/// Not a test: `--gtest_also_run_disabled_tests --gtest_filter=*Cost` prints the table of the page.
+TEST(ExplainDocs, DISABLED_Cost) {
+  Robot robot = maris_arm();
+  task::JointLimits<Robot> limits(robot, {.margin = 1.5});
+  task::FramePosition<Robot> tool(robot, robot.frame("end_effector"), {0.7, -0.8, -0.6});
+  std::vector<std::unique_ptr<task::Minimality<Robot>>> more;
+  std::cout << "| active levels | step, µs | update, µs |\n|---|---|---|\n";
+  for (const std::size_t levels : {2, 4, 7}) {
+    icat::Action<Robot> action{"reach", {{limits}, {tool}}};
+    for (icat::Index c = 0; action.levels.size() < levels; ++c) {
+      more.push_back(std::make_unique<task::Minimality<Robot>>(robot, icat::Columns{c}));
+      action.levels.push_back({*more.back()});
+    }
+    Controller controller(robot, {action});
+    ASSERT_EQ(controller.start("reach", 0), Status::ok);
+    icat::Explainer<Controller> e(controller);
+    double best[2] = {1, 1}, time = 0;
+    for (int run = 0; run < 50; ++run) {
+      for (int what = 0; what < 2; ++what) {
+        const auto begin = std::chrono::steady_clock::now();
+        for (int i = 0; i < 20; ++i) {
+          if (what == 0) (void)controller.step(time += 0.001);
+          if (what == 1) e.update();
+        }
+        const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
+        best[what] = std::min(best[what], took.count() / 20);
+      }
+    }
+    std::cout << "| " << levels << " | " << best[0] * 1e6 << " | " << best[1] * 1e6 << " |\n";
+  }
 }
 
 }  // namespace

@@ -125,13 +125,13 @@ class Explainer {
     if (status_ == Status::not_started) return "The controller has not done a cycle yet.";
     const Status fault = status_;
     if (fault != Status::ok && !refused()) {
-      out << (detail::is_lasting(fault) ? "The robot is stopped: " : "This cycle is refused: ")
+      out << (detail::is_lasting(fault) ? "The robot stops: " : "This cycle is refused: ")
           << describe(fault) << ".";
       return out.text;
     }
     const std::size_t worst = most_urgent();
     if (worst == tasks_.size()) return "All is well: every task that wants to move does.";
-    out << (alarm() ? "Look here: " : "Nothing is wrong. ") << sentence(worst);
+    out << (alarm() ? "Look here: " : "No fault. ") << sentence(worst);
     return out.text;
   }
 
@@ -204,16 +204,18 @@ class Explainer {
     }
     return false;
   }
-  // Alarms first, the highest of them; then the largest loss. None: their number.
+  // Alarms first, the highest of them; then the largest loss, of what fades last. None: their
+  // number.
   std::size_t most_urgent() const noexcept {
     std::size_t worst = tasks_.size();
-    Scalar least(2);
+    Scalar least(3);
     for (std::size_t i = 0; i < tasks_.size(); ++i) {
       const TaskExplanation<Scalar>& t = tasks_[i];
       if (t.alarm) return i;
       if (t.verdict <= Verdict::met || !(t.wanted > options_.negligible)) continue;
-      if (!(t.fraction() < least)) continue;
-      least = t.fraction();
+      const Scalar rank = t.fraction() + Scalar(t.verdict == Verdict::fades ? 1 : 0);
+      if (!(rank < least)) continue;
+      least = rank;
       worst = i;
     }
     return worst;
@@ -269,12 +271,29 @@ class Explainer {
     const ColumnRange base = detail::base_columns(robot);
     detail::Words name;
     if (base.holds(c)) {
-      name << "the base's column " << c - base.first;
+      name << "the base's ";
+      if constexpr (MobileRobot<typename detail::LossShares<C>::Robot>) {
+        append_axis(name, c - base.first);
+      }
     } else {
       name << "column " << c;
     }
     out.name = name.text;
     return out;
+  }
+  // Of the base's column `j`: its axis, where it is one.
+  [[gnu::cold]] void append_axis(detail::Words& out, Index j) const {
+    constexpr const char* names[] = {"surge", "sway", "heave", "roll", "pitch", "yaw"};
+    const auto& motion = losses_.actions().robot().base_motion();
+    Index axis = -1, count = 0;
+    for (Index i = 0; i < 6; ++i) {
+      if (motion(i, j) != Scalar(0)) axis = i, ++count;
+    }
+    if (count == 1) {
+      out << names[axis];
+    } else {
+      out << "column " << j;
+    }
   }
 
   const C& controller_;

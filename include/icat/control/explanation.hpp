@@ -21,7 +21,7 @@ enum class LossCause : std::uint8_t {
   given,           ///< columns that are not commanded, such as a joint whose motor died
   level,           ///< a level of higher priority
   equal,           ///< tasks of the same priority
-  below,           ///< lower levels and least velocity, where rows above them are partly active
+  below,           ///< lower levels, where rows act in part or are regularized, and least velocity
   refused,         ///< the solver stopped at a level with bad input, this one or one above it
   base,            ///< the base moves as measured, not as TPIK 1 asks for
   bound,           ///< velocity bounds within the solver: positions and velocities of joints
@@ -38,7 +38,7 @@ enum class Verdict : std::uint8_t {
   off,      ///< not in the action that runs
   idle,     ///< no row is active: its objective holds
   met,      ///< it gets what it wants
-  fades,    ///< starting, stopping, entering, near its threshold: it will get more
+  fades,    ///< it acts in part: starting, stopping, entering, or near its threshold
   yields,   ///< to tasks of higher or equal priority, as ordered
   limited,  ///< a joint or the base is as fast, or speeds up as fast, as it may
   blocked,  ///< by what does not pass: a posture, the end of a joint, a column that is not

@@ -85,11 +85,11 @@ class Words {
     case LossCause::singular:
       out << "the robot cannot move that way in this posture; it is stretched or folded, or the "
              "goal is out of reach";
-      return append_left(out, t);
+      return;
     case LossCause::regularization:
       out << "the robot can hardly move that way in this posture; it is nearly stretched or "
              "folded, or the goal is out of reach";
-      return append_left(out, t);
+      return;
     case LossCause::activation:
       out << "it is near its threshold and acts in part";
       return;
@@ -115,7 +115,7 @@ class Words {
       }
       return;
     case LossCause::below:
-      out << "tasks above it act in part, and what they leave is slowed down";
+      out << "tasks of less priority move it, as it acts in part or is near a singular posture";
       return;
     case LossCause::refused:
       out << "the input of ";
@@ -176,10 +176,12 @@ class Words {
     append_left(out, t);
   } else {
     if (!(t.wanted > 0.01 * t.loss)) {
-      out << " wants no motion and does not get it: ";
+      out << " asks for no motion, and moves all the same: ";
     } else {
       out << " gets ";
-      out.percent(t.fraction()) << " of what it wants: ";
+      out.percent(t.fraction()) << " of what it wants";
+      append_left(out, t);
+      out << ": ";
     }
     if (most) append_reason(out, t, *most, column, status, fading);
   }

@@ -96,6 +96,10 @@ class LossShares {
     RobotLevel& own = own_[e];
     if (!take_rows(levels()[k], first, t.phase, own)) return -1;
     weigh(own, t);
+    if (!std::isfinite(t.loss) || !std::isfinite(t.wanted)) {
+      t.wanted = t.achieved = t.loss = Scalar(0);
+      return -1;
+    }
     if (!(t.loss > Scalar(0))) return 0;
     reach(own);
     const bool partial = binary(own);
