@@ -108,10 +108,10 @@ TEST_F(Explain, ANormalReachNeverAlarms) {
   ASSERT_EQ(controller.switch_to("reach", 0, 1), Status::ok);
   for (int i = 0; i < 1500; ++i) {
     ASSERT_EQ(controller.step(0.01 * i), Status::ok);
-    e.update();
+    if (i % 5 == 0) e.update();
     ASSERT_FALSE(e.alarm()) << i << "\n" << e.text();
     for (const auto& t : e.tasks()) ASSERT_NEAR(sum(t), t.loss, 1e-9);
-    if (i == 3) expect(e, "tool pose", Verdict::fades, "the command is fading in");
+    if (i == 5) expect(e, "tool pose", Verdict::fades, "the command is fading in");
     if (i == 200) {
       expect(e, "joint limits", Verdict::idle, "has nothing to do");
       expect(e, "tool pose", Verdict::met, "gets what it wants");
@@ -189,6 +189,7 @@ TEST_F(Explain, OfTwoTasksInConflictTheLowerLosesToTheHigher) {
   EXPECT_NEAR(find(e, "right").loss, 0.2, 1e-6);
   EXPECT_EQ(find(e, "right").fraction(), 0);
   EXPECT_GT(part(find(e, "right"), LossCause::level), 0.9999);
+  EXPECT_EQ(find(e, "right").most()->row, 1);  // y
   expect(e, "left", Verdict::met, "gets what it wants");
   expect(e, "right", Verdict::yields,
          "'right' gets 0 % of what it wants (0.1 m to go): 'left', which has priority");
@@ -275,6 +276,14 @@ TEST_F(Explain, AMotorThatDied) {
   EXPECT_EQ(find(e, "shape").most()->column, 3);
   EXPECT_TRUE(find(e, "shape").alarm);
   expect(e, "shape", Verdict::blocked, "joint4 is not commanded");
+
+  // Where most is done all the same, it is told and no alarm.
+  goal(1) += 1;
+  ASSERT_EQ(shape.set_goal(goal), Status::ok);
+  ASSERT_EQ(controller.step(0.01), Status::ok);
+  const auto most = icat::explain(controller);
+  expect(most, "shape", Verdict::blocked, "joint4 is not commanded");
+  EXPECT_FALSE(most.alarm()) << most.text();
 }
 
 TEST_F(Explain, LimitsOfPositionVelocityAndAcceleration) {
@@ -392,6 +401,7 @@ TEST_F(Explain, StateThatIsOldAndAStop) {
   e.update();
   EXPECT_FALSE(e.alarm()) << e.text();
   EXPECT_NEAR(part(find(e, "tool pose"), LossCause::ramp), 1, 1e-9) << e.text();
+  expect(e, "tool pose", Verdict::fades, "the controller was told to stop");
 }
 
 /// A row that yields NaN while it is told to.
@@ -566,11 +576,11 @@ void expect_sums(unsigned seed, double tolerance, int least, int most) {
 }
 
 TEST(ExplainSums, SharesAddUpToTheLoss) {
-  // Some hundred hierarchies of up to 12 levels have every path of the solver.
-  for (unsigned seed = 0; seed < 150; ++seed) {
+  // Of up to 12 levels.
+  for (unsigned seed = 0; seed < 60; ++seed) {
     expect_sums<Columns<double, Eigen::Dynamic>>(seed, 1e-9, 4, 20);
   }
-  // Of static size, in single precision: 1e-9 is 4e6 of double's roundings, and so is this.
+  // Of static size, in single precision: 0.02 is 2e5 of its roundings, 1e-9 is 4e6 of double's.
   for (unsigned seed = 0; seed < 20; ++seed) expect_sums<Columns<float, 9>>(seed, 0.02, 9, 9);
 }
 

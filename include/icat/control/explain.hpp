@@ -18,8 +18,8 @@
 /// the one that comes first has it. All of this is ours: [Coop] and [MARIS] order tasks and measure
 /// no losses.
 ///
-/// A task below K active levels costs K + 3 solutions; docs/explain.md has the times. The
-/// controller is read, never changed.
+/// A task below K active levels costs K + 1 solutions, and at most four more; docs/explain.md has
+/// the times. The controller is read, never changed.
 #pragma once
 
 #include <cmath>
