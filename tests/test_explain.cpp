@@ -286,6 +286,26 @@ TEST_F(Explain, AMotorThatDied) {
   EXPECT_FALSE(most.alarm()) << most.text();
 }
 
+TEST_F(Explain, TwoCausesShareTheLossByTheirSquares) {
+  // Across each other: 0.4 rad/s of joint 4, which is dead, and 0.8 of the rad/s of joint 2.
+  Eigen::VectorXd goal = testing_support::bent_arm();
+  goal(3) += 0.4;
+  goal(1) += 1;
+  ASSERT_EQ(shape.set_goal(goal), Status::ok);
+  Controller controller(robot, {{"rest", {{shape}}}}, {.limits = {robot, {.max_velocity = 0.2}}});
+  ASSERT_EQ(controller.set_given("joint4", true), Status::ok);
+  ASSERT_EQ(controller.start("rest", 0), Status::ok);
+  ASSERT_EQ(controller.step(0), Status::ok);
+  const auto e = icat::explain(controller);
+  const Explanation& t = find(e, "shape");
+  EXPECT_NEAR(t.wanted, std::sqrt(1.16), 1e-12);
+  EXPECT_NEAR(t.achieved, 0.2, 1e-12);
+  EXPECT_NEAR(t.loss, std::sqrt(0.8), 1e-12);
+  EXPECT_NEAR(part(t, LossCause::given), 0.16 / 0.8, 1e-12);
+  EXPECT_NEAR(part(t, LossCause::bound), 0.64 / 0.8, 1e-12);
+  expect(e, "shape", Verdict::limited, "joint2 is as fast as it may be");
+}
+
 TEST_F(Explain, LimitsOfPositionVelocityAndAcceleration) {
   Eigen::VectorXd goal = testing_support::bent_arm();
   goal(1) += 1;
@@ -700,7 +720,7 @@ TEST(ExplainDocs, DISABLED_Cost) {
   task::FramePosition<Robot> tool(robot, robot.frame("end_effector"), {0.7, -0.8, -0.6});
   std::vector<std::unique_ptr<task::Minimality<Robot>>> more;
   std::cout << "| active levels | step, µs | update, µs |\n|---|---|---|\n";
-  for (const std::size_t levels : {2, 4, 7}) {
+  for (const std::size_t levels : {2u, 4u, 7u}) {
     icat::Action<Robot> action{"reach", {{limits}, {tool}}};
     for (icat::Index c = 0; action.levels.size() < levels; ++c) {
       more.push_back(std::make_unique<task::Minimality<Robot>>(robot, icat::Columns{c}));
