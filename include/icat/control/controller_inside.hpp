@@ -25,6 +25,15 @@ struct Inside {
   static const auto& ramp(const ParallelController<R, G>& c) noexcept {
     return c.joints_.ramp;
   }
+  /// The same of the base.
+  template <class R, class G>
+  static const auto& base_ramp(const Controller<R, G>& c) noexcept {
+    return c.ramp_;
+  }
+  template <class R, class G>
+  static const auto& base_ramp(const ParallelController<R, G>& c) noexcept {
+    return c.base_.ramp;
+  }
   template <class R, class G>
   static const auto& answer(const Controller<R, G>& c) noexcept {
     return c.answer_;

@@ -188,6 +188,8 @@ class Explainer {
       case LossCause::bound:
       case LossCause::limit:
         return most.limit == LimitKind::position ? Verdict::blocked : Verdict::limited;
+      case LossCause::base:
+        return Verdict::limited;  // one cycle cannot tell a current from a dead thruster
       case LossCause::refused:
         return Verdict::faulty;
       default:

@@ -23,7 +23,7 @@ enum class LossCause : std::uint8_t {
   equal,           ///< tasks of the same priority
   below,           ///< lower levels, where rows act in part or are regularized, and least velocity
   refused,         ///< the solver stopped at a level with bad input, this one or one above it
-  base,            ///< the base moves as measured, not as TPIK 1 asks for
+  base,            ///< the base moves as measured, and TPIK 2 has the joints alone
   bound,           ///< velocity bounds within the solver: positions and velocities of joints
   held,            ///< the command is for an older state: input was refused, or another rate
   ramp,            ///< starting, stopping, or going to zero after a fault
@@ -40,7 +40,7 @@ enum class Verdict : std::uint8_t {
   met,      ///< it gets what it wants
   fades,    ///< it acts in part: starting, stopping, entering, or near its threshold
   yields,   ///< to tasks of higher or equal priority, as ordered
-  limited,  ///< a joint or the base is as fast, or speeds up as fast, as it may
+  limited,  ///< a joint or the base is as fast, or speeds up as fast, as it may, or is driven off
   blocked,  ///< by what does not pass: a posture, the end of a joint, a column that is not
             ///< commanded
   faulty    ///< input was refused, is old, or the clock stands still
@@ -121,7 +121,7 @@ constexpr const char* describe(LossCause cause) noexcept {
     case LossCause::refused:
       return "bad input of a task";
     case LossCause::base:
-      return "the base moves otherwise";
+      return "motion of the base";
     case LossCause::bound:
       return "limit of a joint";
     case LossCause::held:

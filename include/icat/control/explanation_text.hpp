@@ -124,9 +124,8 @@ class Words {
       out << ", and the controller goes on without it and without all tasks of less priority";
       return;
     case LossCause::base:
-      out << "the base does not move as it was asked to";
-      if (named) out << ", most of all in " << column.name;
-      out << ", and the joints cannot make up for it";
+      out << "the joints cannot make up for what the base does";
+      if (named) out << ", most of all for " << column.name;
       return;
     case LossCause::bound:
     case LossCause::limit:

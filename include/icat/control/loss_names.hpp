@@ -75,27 +75,54 @@ class LossNames {
       if (x > most) most = x, share->column = c;
     }
   }
-  /// Of the columns that the answer without bounds, `over`, moves beyond them, the one that is
-  /// furthest; else one that is near its bound in the answer `within`.
-  void bound(Share& share, const Velocity& over, const Velocity& within) const noexcept {
-    if (!furthest(share, over, Scalar(1))) {
-      (void)furthest(share, within, static_cast<Scalar>(0.9));
+  /// The column that is at its bound after level `k` of a solution, and whether it is the upper
+  /// one; −1: none.
+  template <class Solver>
+  static Index at_bound(const Solver& solver, Index k, bool& up) noexcept {
+    const auto& options = solver.options();
+    const auto& y = solver.velocity();
+    const Scalar share = options.saturation == Saturation::scale
+                             ? Scalar(1)
+                             : Scalar(1) - Scalar(1) / Scalar(20 * (k + 2));
+    for (Index c = 0; c < y.size(); ++c) {
+      for (const bool upper : {false, true}) {
+        const Scalar edge =
+            share * (upper ? options.bounds.upper_of(c) : options.bounds.lower_of(c));
+        const Scalar rounding = Scalar(64) * std::numeric_limits<Scalar>::epsilon();
+        up = upper;
+        if (std::abs(y(c) - edge) <= rounding * std::abs(edge)) return c;
+      }
     }
+    return -1;
+  }
+  /// Of the columns that the answer without bounds, `over`, moves beyond them, the one that is
+  /// furthest; else `stopped`, which stopped a level on the way; else one that is near its bound in
+  /// the answer `within`.
+  void bound(Share& share, const Velocity& over, const Velocity& within, Index stopped,
+             bool up) const noexcept {
+    if (furthest(share, over, Scalar(1))) return;
+    if (stopped >= 0) {
+      const auto& bounds = Inside::bounds(controller_);
+      share.column = stopped;
+      share.limit = kind(stopped, up, up ? bounds.upper_of(stopped) : -bounds.lower_of(stopped));
+      return;
+    }
+    (void)furthest(share, within, static_cast<Scalar>(0.9));
   }
   /// Of the columns that the limits hold at an edge of their box, the one that is held most.
-  /// `answer` is before the base was slowed, `wanted` before the limits, `actual` after.
+  /// `answer` is before the base was slowed, `wanted` before the limits, `command` after.
   void limit(Share& share, const Velocity& answer, const Velocity& wanted,
-             const Velocity& actual) const noexcept {
+             const Velocity& command) const noexcept {
     const auto& limits = controller_.limits();
     Scalar most(0);
-    for (Index c = 0; c < actual.size(); ++c) {
-      Scalar over = wanted(c) - actual(c);
-      if (over == Scalar(0)) over = answer(c) - actual(c);
+    for (Index c = 0; c < command.size(); ++c) {
+      Scalar over = wanted(c) - command(c);
+      if (over == Scalar(0)) over = answer(c) - command(c);
       const bool up = over > Scalar(0);
       const Scalar edge = up ? limits.upper()(c) : limits.lower()(c);
       const Scalar rounding =
           Scalar(16) * std::numeric_limits<Scalar>::epsilon() * (Scalar(1) + std::abs(edge));
-      if (!(std::abs(over) > most) || !(std::abs(actual(c) - edge) <= rounding)) continue;
+      if (!(std::abs(over) > most) || !(std::abs(command(c) - edge) <= rounding)) continue;
       most = std::abs(over);
       share.column = c;
       const Scalar room = up ? limits.bounds().upper(c) : -limits.bounds().lower(c);

@@ -33,6 +33,8 @@ class LossShares {
             actions().robot().dof(), unbounded(actions().options()))),
         rho0_(zeros<Velocity>(actions().robot().dof())),
         actual_(rho0_),
+        pushed_(rho0_),
+        commanded_(rho0_),
         change_(rho0_),
         start_(identity<typename Solver::SquareN>(rho0_.size())),
         free_{rho0_, rho0_},
@@ -41,8 +43,8 @@ class LossShares {
     fill(free_.lower, -infinity<Scalar>);
     fill(free_.upper, infinity<Scalar>);
     for (Step& step : cycle_) step.velocity = rho0_;
-    for (std::size_t k = 0; k < hierarchy().size(); ++k) {
-      for (const auto& entry : hierarchy()[k]) {
+    for (const auto& entries : hierarchy()) {
+      for (const auto& entry : entries) {
         RobotLevel own;
         own.jacobian = zeros<JacobianMatrix<Scalar, Robot::size>>(entry.task->rows(), dof());
         own.activation = own.reference = own.row_scale = zeros<Rows>(entry.task->rows());
@@ -60,31 +62,32 @@ class LossShares {
   /// What all tasks share: the solutions of the whole cycle.
   void begin() noexcept {
     const auto& ramp = Inside::ramp(controller_);
+    const auto& base_ramp = Inside::base_ramp(controller_);
     const ColumnRange base = Inside::measured_base(controller_);
     steps_ = 0;
-    copy(controller_.velocity(), actual_);
+    stopped_ = -1;
     for (Index c = 0; c < dof(); ++c) {
-      if (base.holds(c)) actual_(c) = Inside::measured(controller_)(c);
+      const bool given = actions().given(c);
+      const Scalar measured = Inside::measured(controller_)(c), y = controller_.velocity()(c);
+      actual_(c) = base.holds(c) ? measured : y;
+      commanded_(c) = y;
+      pushed_(c) = given ? y : base.holds(c) ? base_ramp.last_wanted()(c) : ramp.last_wanted()(c);
     }
-    give(ColumnRange{});
+    give(ColumnRange{}, actual_);
     (void)solver_.set_bounds(free_);
     solve_all();
     step(failed_ < 0 ? LossCause::below : LossCause::refused, solver_.velocity());
-    if (base.count > 0) {
-      give(base);
-      solve_all();
-      step(LossCause::base, solver_.velocity());
-    }
+    if (base.count > 0) move_base(base);
     (void)solver_.set_bounds(Inside::bounds(controller_));
     solve_all();
     step(LossCause::bound, solver_.velocity());
     const bool solved = Inside::status(controller_) == Status::ok && base.count == 0;
     // In a cycle that was solved, it was solved again for a base at its limits.
-    step(solved ? LossCause::limit : LossCause::held, Inside::answer(controller_));
-    step(LossCause::ramp, ramp.last_wanted());
+    command(solved ? LossCause::limit : LossCause::held, Inside::answer(controller_));
+    command(LossCause::ramp, pushed_);
     step(LossCause::limit, actual_);
     (void)solver_.set_bounds(free_);
-    give(ColumnRange{});
+    give(ColumnRange{}, actual_);
   }
 
   /// The rates of entry `e`, whose rows are those from `first` on of level `k`, and its loss in
@@ -155,14 +158,39 @@ class LossShares {
   Index dof() const noexcept { return rho0_.size(); }
   std::span<const RobotLevel> levels() const noexcept { return actions().levels(); }
 
-  // The given columns, and those of `base`, move as measured.
-  void give(ColumnRange base) noexcept {
+  // The given columns move as measured, those of `base` as in `velocity`.
+  void give(ColumnRange base, const Velocity& velocity) noexcept {
     any_given_ = base.count > 0 || actions().any_given();
     for (Index c = 0; c < dof(); ++c) {
-      const bool given = base.holds(c) || actions().given(c);
-      rho0_(c) = given ? Inside::measured(controller_)(c) : Scalar(0);
-      start_(c, c) = given ? Scalar(0) : Scalar(1);
+      const bool given = actions().given(c), moves = base.holds(c);
+      rho0_(c) = given ? Inside::measured(controller_)(c) : moves ? velocity(c) : Scalar(0);
+      start_(c, c) = given || moves ? Scalar(0) : Scalar(1);
     }
+  }
+  // From what TPIK 1 asks of the base to what it does; the joints make up for each step.
+  void move_base(ColumnRange base) noexcept {
+    move_base(LossCause::base, base, cycle_[0].velocity);  // TPIK 2 may choose otherwise
+    (void)solver_.set_bounds(actions().options().bounds);
+    give(ColumnRange{}, actual_);
+    solve_all();
+    copy(solver_.velocity(), change_);
+    give(base, cycle_[0].velocity);
+    (void)solver_.set_bounds(free_);
+    move_base(LossCause::bound, base, change_);
+    move_base(LossCause::held, base, actions().velocity());
+    move_base(LossCause::ramp, base, pushed_);
+    move_base(LossCause::limit, base, commanded_);
+    move_base(LossCause::base, base, actual_);
+  }
+  void move_base(LossCause cause, ColumnRange base, const Velocity& velocity) noexcept {
+    bool same = steps_ > 1;  // as the step before
+    for (Index c = base.first; c < base.first + base.count; ++c) {
+      same = same && (actions().given(c) || rho0_(c) == velocity(c));
+    }
+    if (same) return;
+    give(base, velocity);
+    solve_all();
+    step(cause, solver_.velocity());
   }
   Status reset(bool given) noexcept {
     if (given && any_given_) return solver_.reset(rho0_, start_);
@@ -179,12 +207,16 @@ class LossShares {
     for (std::size_t k = 0; k < levels().size() && status == Status::ok; ++k) {
       status = add_level(levels()[k]);
       if (status != Status::ok) failed_ = static_cast<Index>(k);
+      // Levels above and below may hide it in the answer.
+      const auto solved = solver_.report().levels();
+      if (stopped_ < 0 && !solved.empty() && solved.back().saturation_scale < Scalar(1)) {
+        stopped_ = names_.at_bound(solver_, static_cast<Index>(k), stopped_up_);
+      }
     }
     failed_row_ = solver_.report().failed_row();
     (void)solver_.minimize_velocity();
   }
-  // The `count` highest levels and then `own`; `change_` is what the velocity lost by it. A level
-  // that is refused changes nothing.
+  // The `count` highest levels and then `own`; `change_`: what the velocity loses to the last one.
   void solve(std::size_t count, bool given, const RobotLevel* own) noexcept {
     copy(solver_.velocity(), change_);
     (void)reset(given);
@@ -192,16 +224,17 @@ class LossShares {
     if (own) (void)add_level(*own);
     for (Index c = 0; c < dof(); ++c) change_(c) -= solver_.velocity()(c);
   }
-  // One step of the whole cycle; columns that move as measured do in the command, too.
+  // One step of the whole cycle.
   void step(LossCause cause, const Velocity& velocity) noexcept {
-    Step& next = cycle_[steps_++];
-    next.cause = cause;
+    cycle_[steps_].cause = cause;
+    copy(velocity, cycle_[steps_++].velocity);
+  }
+  // The same on the way to the command, which does not change what moves as measured.
+  void command(LossCause cause, const Velocity& velocity) noexcept {
     const ColumnRange base = Inside::measured_base(controller_);
-    const bool command =
-        cause == LossCause::held || cause == LossCause::ramp || cause == LossCause::limit;
+    step(cause, velocity);
     for (Index c = 0; c < dof(); ++c) {
-      const bool fixed = command && (base.holds(c) || actions().given(c));
-      next.velocity(c) = fixed ? actual_(c) : velocity(c);
+      if (base.holds(c) || actions().given(c)) cycle_[steps_ - 1].velocity(c) = actual_(c);
     }
   }
 
@@ -245,8 +278,7 @@ class LossShares {
     return sum;
   }
 
-  // What is wanted and achieved; `rates_` begins with the reference, and `direction_` is l / ‖l‖
-  // with the weights of the rows.
+  // Rates; `rates_` begins with the reference; `direction_` is l / ‖l‖ times the rows' weights.
   void weigh(const RobotLevel& own, TaskExplanation<Scalar>& t) noexcept {
     bool mixed = false;
     for (Index i = 1; i < t.rows; ++i) mixed = mixed || own.row_scale(i) != own.row_scale(0);
@@ -326,18 +358,15 @@ class LossShares {
       if (share->cause == LossCause::refused) names_.refused(*share, failed_, failed_row_);
       if (share->cause == LossCause::bound) {
         const std::size_t at = steps_ - 4;
-        names_.bound(*share, cycle_[at - 1].velocity, cycle_[at].velocity);
+        names_.bound(*share, cycle_[at - 1].velocity, cycle_[at].velocity, stopped_, stopped_up_);
       }
       if (share->cause == LossCause::limit) {
-        names_.limit(*share, cycle_[steps_ - 4].velocity, cycle_[steps_ - 2].velocity, actual_);
+        const bool parallel = Inside::measured_base(controller_).count > 0;
+        names_.limit(*share, parallel ? pushed_ : cycle_[steps_ - 4].velocity, pushed_, commanded_);
       }
       if (share->cause != LossCause::base) continue;
-      for (Index c = 0; c < dof(); ++c) {
-        change_(c) = cycle_[0].velocity(c) - cycle_[1].velocity(c);
-      }
-      const ColumnRange base = Inside::measured_base(controller_);
-      names_.column(share, own.jacobian, direction_, change_,
-                    [base](Index c) { return base.holds(c); });
+      for (Index c = 0; c < dof(); ++c) change_(c) = commanded_(c) - actual_(c);
+      names_.column(share, own.jacobian, direction_, change_, [](Index) { return true; });
     }
   }
 
@@ -353,7 +382,7 @@ class LossShares {
   const C& controller_;
   LossNames<C> names_;
   Solver solver_;
-  Velocity rho0_, actual_, change_;
+  Velocity rho0_, actual_, pushed_, commanded_, change_;
   typename Solver::SquareN start_;  // diagonal
   VelocityBounds<Scalar, Robot::size> free_;
   List<Step> cycle_;
@@ -363,6 +392,8 @@ class LossShares {
   Share* shares_{nullptr};
   std::size_t steps_{0}, count_{0};
   Index failed_{-1}, failed_row_{-1};
+  Index stopped_{-1};  // the first column that stopped a level at its bound
+  bool stopped_up_{false};
   bool any_given_{false};
 };
 
