@@ -504,6 +504,48 @@ TEST(ExplainParallel, ABaseThatDoesNotDoWhatItIsAskedFor) {
   EXPECT_EQ(e.status(), Status::ok);
 }
 
+TEST(ExplainParallel, ABaseThatStartsIsNotABaseThatIsDrivenOff) {
+  Robot robot = testing_support::mobile_arm(icat::Base<double>::surface());
+  task::FramePose<Robot> travel(robot, robot.base(), moved(robot.pose(robot.base()), 10, 0, 0),
+                                {.name = "travel", .max_linear_rate = 0.3});
+  icat::ParallelController<Robot> controller(robot, {{"go", {{travel}}}});
+  ASSERT_EQ(controller.switch_to("go", 0, 1), Status::ok);
+  ASSERT_EQ(controller.step(0.02, Vector3d::Zero()), Status::ok);
+  ASSERT_EQ(controller.step(0.1, Vector3d(controller.command().tail<3>())), Status::ok);
+  const auto e = icat::explain(controller);
+  const Explanation& t = e.tasks()[0];
+  EXPECT_EQ(t.verdict, Verdict::fades) << e.text();
+  EXPECT_EQ(t.most()->cause, LossCause::ramp) << e.text();
+  EXPECT_NEAR(sum(t), t.loss, 1e-12);
+  EXPECT_NE(e.sentence(0).find("the command is fading in"), std::string::npos) << e.text();
+}
+
+// The controller slows the base, solves for the joints again, and slows these too.
+TEST(ExplainRobot, LimitsOfTheBaseAndOfTheJointsAreOneShare) {
+  Robot robot = testing_support::mobile_arm(icat::Base<double>::surface());
+  const auto hand = robot.frame("end_effector");
+  task::FramePosition<Robot> tool(
+      robot, hand, icat::detail::origin(robot.pose(hand)) + Vector3d(1, 1, 0), {.name = "tool"});
+  task::FramePose<Robot> travel(robot, robot.base(), moved(robot.pose(robot.base()), 1, 1, 0),
+                                {.name = "travel"});
+  Controller controller(robot, {{"go", {{travel}, {tool}}}},
+                        {.limits = {robot,
+                                    {.max_acceleration = 0.5,
+                                     .base_velocity = {0.1, 0.1, 0.1},
+                                     .base_acceleration = {5, 5, 5}}}});
+  ASSERT_EQ(controller.start("go", 0), Status::ok);
+  for (int i = 0; i < 5; ++i) ASSERT_EQ(controller.step(0.01 * i), Status::ok);
+  const auto e = icat::explain(controller);
+  for (const auto& t : e.tasks()) EXPECT_NEAR(sum(t), t.loss, 1e-9) << e.text();
+  const Explanation& base = find(e, "travel");
+  ASSERT_EQ(base.most()->cause, LossCause::limit) << e.text();
+  EXPECT_NEAR(part(base, LossCause::limit), 1, 1e-9) << e.text();
+  EXPECT_EQ(base.most()->column, robot.base_columns().first) << e.text();
+  EXPECT_EQ(base.most()->limit, LimitKind::velocity) << e.text();
+  EXPECT_GT(part(find(e, "tool"), LossCause::limit), 0.99) << e.text();
+  EXPECT_FALSE(e.alarm());
+}
+
 // --- sums ----------------------------------------------------------------------------------------
 
 /// Columns and nothing else.

@@ -173,8 +173,8 @@ class Explainer {
     if (!(t.loss > options_.negligible) || !(t.loss > options_.tolerated * t.wanted)) {
       return Verdict::met;
     }
-    const LossShare<Scalar>& most = *t.most();
-    switch (most.cause) {
+    const LossShare<Scalar>* most = t.most();
+    switch (most ? most->cause : LossCause::below) {
       case LossCause::activation:
       case LossCause::transition:
       case LossCause::below:
@@ -187,7 +187,7 @@ class Explainer {
         return Verdict::yields;
       case LossCause::bound:
       case LossCause::limit:
-        return most.limit == LimitKind::position ? Verdict::blocked : Verdict::limited;
+        return most->limit == LimitKind::position ? Verdict::blocked : Verdict::limited;
       case LossCause::base:
         return Verdict::limited;  // one cycle cannot tell a current from a dead thruster
       case LossCause::refused:
