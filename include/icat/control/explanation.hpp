@@ -54,7 +54,7 @@ struct LossShare {
   Scalar amount{0};                   ///< in the task's unit; negative where it helped
   Index level{-1};             ///< of `level`, `equal` and `refused`: which one of the hierarchy
   std::string_view task = {};  ///< there: the task whose row counts most; it must live on
-  Index row{-1};               ///< that row of that task
+  Index row{-1};               ///< that row of that task, from 0
   Scalar activation{0};        ///< of that row, in (0, 1], phase activation included
   /// Of ẏ: the column that counts most, −1: none. Of `level` and `equal` in that row; of `bound`
   /// and `limit` the one that is at its bound; else in the task.
