@@ -2,6 +2,8 @@
 // The figures of the reference mission.
 #include <gtest/gtest.h>
 
+#include <memory>
+
 #include "../examples/01_grasp/mission.hpp"
 #include "support/sanitized.hpp"
 
@@ -77,6 +79,30 @@ TEST(GraspMission, TheArmCompensatesTheCurrent) {
   EXPECT_GT(with.steady_error, 0);
   EXPECT_GE(without.steady_error, 10 * with.steady_error);
   EXPECT_LT(with.largest_step, 0.05);
+}
+
+// What goes as it should is explained without an alarm in every cycle, in a current, too.
+TEST(GraspMission, NoExplanationAlarms) {
+  if (sanitized) GTEST_SKIP();
+  using Controller = icat::ParallelController<grasp::Robot>;
+  std::unique_ptr<icat::Explainer<Controller>> why;
+  int cycles = 0, alarms = 0;
+  double worst = 0;
+  const auto observe = [&](const auto&, const Controller& controller, double, const auto&) {
+    if (!why) why = std::make_unique<icat::Explainer<Controller>>(controller);
+    why->update();
+    ++cycles;
+    if (why->alarm() && ++alarms == 1) ADD_FAILURE() << why->text();
+    for (const auto& t : why->tasks()) {
+      double sum = 0;
+      for (const auto& share : t.shares) sum += share.amount;
+      worst = std::max(worst, std::abs(sum - t.loss));
+    }
+  };
+  expect_success(grasp::run({.current = true, .compensation = true}, 0.01, observe));
+  EXPECT_GT(cycles, 5000);
+  EXPECT_EQ(alarms, 0);
+  EXPECT_LT(worst, 1e-9);
 }
 
 TEST(GraspMission, VelocitiesStayInsideTheirBounds) {

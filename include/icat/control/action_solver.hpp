@@ -93,6 +93,8 @@ class ActionSolver {
   std::span<const Level<Scalar, R::size>> levels() const noexcept { return stack_.levels(); }
   /// Of the solver; levels are those of `hierarchy`.
   const TpikReport<Scalar>& report() const noexcept { return tpik_.solver().report(); }
+  /// Its options, with the bounds in force.
+  const typename Solver::Options& options() const noexcept { return tpik_.solver().options(); }
 
  private:
   Status solve(std::span<const Level<Scalar, R::size>> levels, const Velocity& measured,

@@ -77,6 +77,8 @@ class BaseCompensation {
   const Velocity& velocity() const noexcept { return tpik_.solver().velocity(); }
   /// Of the last `solve`.
   const TpikReport<Scalar>& report() const noexcept { return tpik_.solver().report(); }
+  /// Of the solver, with the bounds in force.
+  const typename Solver::Options& options() const noexcept { return tpik_.solver().options(); }
 
   /// The law for `levels` and the velocity `measured`, n, of which the given joints count: until
   /// the next law they move like that. After it `follow_law` answers every new measurement of the

@@ -80,6 +80,7 @@ class CommandRamp {
 
   /// The outcome of a cycle. While input is refused time passes as usual, whatever the stamps say.
   void update(Status status, Cycle cycle) noexcept {
+    status_ = status;
     elapsed_ += status == Status::ok ? cycle.step : cycle.usual;
     fault_ = status == Status::ok ? 0 : fault_ + cycle.usual;
     const bool down = status != Status::ok && (is_lasting(status) || fault_ > hold_);
@@ -96,6 +97,10 @@ class CommandRamp {
     }
     return wanted_;
   }
+  /// What the last `wanted` answered, n.
+  const Velocity& last_wanted() const noexcept { return wanted_; }
+  /// Of the last `update`.
+  Status status() const noexcept { return status_; }
   /// s.
   double share() const noexcept { return duration_ > 0 ? smooth_step(elapsed_ / duration_) : 1; }
   /// f.
@@ -120,6 +125,7 @@ class CommandRamp {
 
   double hold_, ramp_, elapsed_{0}, duration_{0}, fault_{0}, good_{1};
   bool runs_{false};
+  Status status_{Status::not_started};
   Velocity from_, wanted_;
 };
 

@@ -20,6 +20,8 @@ namespace icat {
 
 namespace detail {
 
+struct Inside;  // what explains a controller reads it: see explain.hpp
+
 /// No step may be longer than the reaction that the limits count on.
 template <class Options>
 double longest_step(const Options& options) noexcept {
@@ -180,6 +182,8 @@ class Controller {
   const StepClock& clock() const noexcept { return solver_.clock(); }
 
  private:
+  friend struct detail::Inside;
+
   // Of a stamp without a cycle.
   double pending() const noexcept { return solver_.clock().elapsed() - time_.last; }
   Status run(double time, const Velocity* measured, const InputAge& age) noexcept {

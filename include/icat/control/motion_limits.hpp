@@ -119,6 +119,11 @@ class MotionLimits {
   /// u, n.
   const Velocity& upper() const noexcept { return upper_; }
 
+  /// The limit of velocity of column `c`, in [0, n); infinite where there is none.
+  Scalar max_velocity(Index c) const noexcept {
+    return columns_[static_cast<std::size_t>(c)].max_velocity;
+  }
+
   /// Moves the base's columns of `command` towards `wanted` (n, finite). False: not all the way.
   bool limit_base(const Velocity& wanted) noexcept { return limit(true, wanted, command_); }
   /// The same for the others.

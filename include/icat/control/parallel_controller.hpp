@@ -176,6 +176,8 @@ class ParallelController {
   }
 
  private:
+  friend struct detail::Inside;
+
   struct Layer {
     Layer(Index n, const TimeOptions& options)
         : ramp(n, options), answer(detail::zeros<Velocity>(n)) {}

@@ -48,6 +48,13 @@ class DirectionTask : public ReactiveTask<R> {
 
   /// θ of the last update, rad.
   Scalar angle() const noexcept { return angle_; }
+  /// The angle of an axis that is to come to its direction; an objective may allow a part of it.
+  Remaining<Scalar> remaining() const noexcept override {
+    Remaining<Scalar> left;
+    const bool comes = !norm_ || norm_->target(angle_) < angle_;
+    left.angle = comes ? angle_ : Scalar(0);
+    return left;
+  }
   /// Another objective of the norm form; refused in the component form.
   Status set_objective(const Objective<Scalar>& norm) noexcept {
     if (!norm_) return Status::wrong_size;

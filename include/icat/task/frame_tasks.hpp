@@ -77,6 +77,12 @@ class FrameGoal : public ReactiveTask<R> {
   FrameId frame() const noexcept { return frame_.frame(); }
   /// Rows are components on ⟨0⟩.
   bool on_world() const noexcept { return frame_.absolute() && on_ == On::reference; }
+  Remaining<Scalar> remaining() const noexcept override {
+    Remaining<Scalar> left;
+    if (linear_.axes.count() > 0) left.position = position_error_;
+    if (angular_.axes.count() > 0) left.angle = orientation_error_;
+    return left;
+  }
 
  protected:
   [[gnu::cold]] FrameGoal(const R& robot, FrameId frame, std::optional<FrameId> reference,

@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -22,6 +23,13 @@
 #include "icat/task/objective.hpp"
 
 namespace icat {
+
+/// What a task has yet to do; NaN where it has no such error.
+template <class Scalar>
+struct Remaining {
+  Scalar position{std::numeric_limits<Scalar>::quiet_NaN()};  ///< m
+  Scalar angle{std::numeric_limits<Scalar>::quiet_NaN()};     ///< rad, the short way: at most π
+};
 
 /// Base of all tasks. Construction allocates and throws; nothing else does. A task belongs to the
 /// robot it was built for, which must outlive it and stay where it is. It is an object with an
@@ -66,6 +74,9 @@ class Task {
   Scalar length_share() const noexcept { return length_share_; }
   /// The largest of the frames that its rows in metres are of, m; 0: none.
   Scalar characteristic_length() const noexcept { return characteristic_length_; }
+
+  /// What was left at the last update, for explanations and logs; by default nothing is known.
+  virtual Remaining<Scalar> remaining() const noexcept { return {}; }
 
  protected:
   /// Rows are active, all else 0.
