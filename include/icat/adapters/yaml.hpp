@@ -111,7 +111,7 @@ class Configuration {
   /// @throws std::invalid_argument as `load_yaml`.
   [[gnu::cold]] explicit Configuration(std::unique_ptr<detail::ConfigFile> file)
       : file_(std::move(file)), parts_(std::make_unique<detail::RobotParts>()) {
-    const detail::Section top(*file_, file_->root, detail::top_section, "configuration");
+    const detail::Section top(*file_, file_->root, detail::top_section, "");
     (void)top.text("about");
     period_ = top.number("period", 0.01);
     const detail::Section robot = *top.section("robot");

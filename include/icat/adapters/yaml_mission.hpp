@@ -98,10 +98,11 @@ inline std::vector<Action<ConfiguredRobot>> actions_of(const Section& top, Confi
   std::vector<Action<ConfiguredRobot>> actions;
   for (std::size_t i = 0; i < all.items.size(); ++i) {
     Action<ConfiguredRobot> action{all.names[i].name, {}};
+    const Section here = top.called("action '" + action.name + "'");
     const auto task_at = [&](const ConfigNode& at) {
-      return std::ref(*tasks[top.look_up(at, "task", names)].task);
+      return std::ref(*tasks[here.look_up(at, "task", names)].task);
     };
-    for (const ConfigNode& level : top.list(all.items[i], action.name.c_str())) {
+    for (const ConfigNode& level : here.list(all.items[i], action.name.c_str())) {
       action.levels.emplace_back();
       if (level.is(ConfigNode::Kind::list)) {
         for (const ConfigNode& item : level.items) action.levels.back().push_back(task_at(item));

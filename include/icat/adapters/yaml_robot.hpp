@@ -81,9 +81,8 @@ inline ConfiguredRobot::Description urdf_parts(const Section& s, RobotParts& par
   if (!stream || !(text << stream.rdbuf())) {
     s.fail(s.at("file"), "'", path, "': there is no such file, it is empty or unreadable");
   }
-  return at_place(s, s.at("file"), [&] {
-    return urdf_description<double>(text.str(), options, s.where() + ": '" + path + "'");
-  });
+  return at_place(s, s.at("file"),
+                  [&] { return urdf_description<double>(text.str(), options, "'" + path + "'"); });
 }
 
 inline Joint<double> tree_joint(const Section& s) {
@@ -109,12 +108,30 @@ inline Joint<double> tree_joint(const Section& s) {
   return joint;
 }
 
+/// A parent is a link, or the root: the one that is named, or the first that no joint moves.
+inline void check_parents(const std::vector<Section>& joints,
+                          const ConfiguredRobot::Description& description) {
+  std::vector<std::string> links;
+  for (const auto& joint : description.joints) links.push_back(joint.link);
+  const auto known = [&](const std::string& link) {
+    return std::find(links.begin(), links.end(), link) != links.end();
+  };
+  std::string root = description.root;
+  for (const auto& joint : description.joints) {
+    if (root.empty() && !known(joint.parent)) root = joint.parent;
+  }
+  if (!root.empty()) links.insert(links.begin(), root);
+  for (const Section& joint : joints) (void)joint.look_up(joint.at("parent"), "link", links);
+}
+
 inline ConfiguredRobot::Description tree_parts(const Section& s, RobotParts& parts) {
   ConfiguredRobot::Description description;
   parts.base = s.choice("base", "fixed");
   description.base = base_called(parts.base);
   description.root = s.text("root");
-  for (const Section& joint : s.sections("joints")) description.joints.push_back(tree_joint(joint));
+  const auto joints = s.sections("joints");
+  for (const Section& joint : joints) description.joints.push_back(tree_joint(joint));
+  check_parents(joints, description);
   for (const Section& mass : s.sections("masses")) {
     description.masses.push_back(
         {mass.text("link"), mass.number("mass", 0), *mass.vector("center")});
@@ -237,8 +254,7 @@ struct RobotContext {
       const auto& word = at.names[k];
       const auto found = std::find(names.begin(), names.end(), word.name);
       if (found == names.end()) {
-        wrong(s.file(), word.line, word.column, s.where(), ": no joint '", word.name, "'",
-              there_are(word.name, names));
+        fail_at(s, word, names);
       }
       value(static_cast<std::size_t>(found - names.begin()), at.items[k]);
     }
@@ -258,7 +274,7 @@ struct RobotContext {
     options.max_velocity = s.number("max_velocity", infinity<double>);
     options.max_acceleration = s.number("max_acceleration", infinity<double>);
     for (const auto& [name, joint] : s.named("joints")) {
-      const std::size_t i = index_of_joint(s, name, joint.node());
+      const std::size_t i = index_of_joint(s, name);
       JointInfo<double> info = robot.joints()[i];
       const Unit unit = unit_of(parts.description, name);
       info.lower = joint.number("lower", info.lower, unit);
@@ -278,12 +294,22 @@ struct RobotContext {
   }
 
  private:
-  std::size_t index_of_joint(const Section& s, const std::string& name,
-                             const ConfigNode& at) const {
+  /// Of one that the key `joints` names.
+  std::size_t index_of_joint(const Section& s, const std::string& name) const {
     const auto names = joint_names(robot);
     const auto found = std::find(names.begin(), names.end(), name);
-    if (found == names.end()) s.fail(at, "no joint '", name, "'", there_are(name, names));
-    return static_cast<std::size_t>(found - names.begin());
+    if (found != names.end()) return static_cast<std::size_t>(found - names.begin());
+    for (const auto& word : s.at("joints").names) {
+      if (word.name == name) fail_at(s, word, names);
+    }
+    return 0;
+  }
+  [[noreturn]] static void fail_at(const Section& s, const ConfigNode::Name& word,
+                                   const std::vector<std::string>& names) {
+    ConfigNode place;
+    place.line = word.line;
+    place.column = word.column;
+    s.fail(place, "no joint '", word.name, "'", there_are(word.name, names));
   }
 };
 

@@ -48,23 +48,22 @@ class TaskMaker {
       std::string_view type;
       void (TaskMaker::*make)(const Section&, ConfiguredTask&) const;
     };
-    static constexpr Maker makers[] = {
-        {"joint_limits", &TaskMaker::joint_limits},
-        {"joint_position", &TaskMaker::joint_position},
-        {"frame_pose", &TaskMaker::frame_pose},
-        {"frame_position", &TaskMaker::frame_position},
-        {"frame_orientation", &TaskMaker::frame_orientation},
-        {"frame_velocity", &TaskMaker::frame_velocity},
-        {"attitude", &TaskMaker::attitude},
-        {"look_at", &TaskMaker::look_at},
-        {"occlusion", &TaskMaker::occlusion},
-        {"frame_distance", &TaskMaker::frame_distance},
-        {"center_of_mass", &TaskMaker::center_of_mass},
-        {"manipulability", &TaskMaker::manipulability},
-        {"clearance", &TaskMaker::clearance},
-        {"self_clearance", &TaskMaker::self_clearance},
-        {"minimality", &TaskMaker::minimality},
-        {"given_velocity", &TaskMaker::given_velocity}};
+    static constexpr Maker makers[] = {{"joint_limits", &TaskMaker::joint_limits},
+                                       {"joint_position", &TaskMaker::joint_position},
+                                       {"frame_pose", &TaskMaker::frame_pose},
+                                       {"frame_position", &TaskMaker::frame_position},
+                                       {"frame_orientation", &TaskMaker::frame_orientation},
+                                       {"frame_velocity", &TaskMaker::frame_velocity},
+                                       {"attitude", &TaskMaker::attitude},
+                                       {"look_at", &TaskMaker::look_at},
+                                       {"occlusion", &TaskMaker::occlusion},
+                                       {"frame_distance", &TaskMaker::frame_distance},
+                                       {"center_of_mass", &TaskMaker::center_of_mass},
+                                       {"manipulability", &TaskMaker::manipulability},
+                                       {"clearance", &TaskMaker::clearance},
+                                       {"self_clearance", &TaskMaker::self_clearance},
+                                       {"minimality", &TaskMaker::minimality},
+                                       {"given_velocity", &TaskMaker::given_velocity}};
     static_assert(std::size(makers) == std::size(task_sections));
     for (const Maker& maker : makers) {
       if (maker.type == c.type) return (this->*maker.make)(s, c);

@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "icat/adapters/yaml_keys.hpp"
-#include "icat/core/types.hpp"
+#include "icat/math/rigid_motion.hpp"
 
 namespace icat::detail {
 
@@ -93,6 +93,16 @@ inline bool take_number(std::string_view& text, double& value) noexcept {
   if (error != std::errc()) return false;
   text = digits.substr(static_cast<std::size_t>(end - digits.data()));
   return true;
+}
+
+/// A turn about an axis; by right angles exactly, where rounding leaves sines of 1e-16.
+inline Matrix3<double> turned(const Vector3<double>& axis, double angle) noexcept {
+  Matrix3<double> R = axis_rotation<double>(axis, angle);
+  for (Index i = 0; i < 9; ++i) {
+    double& x = R.data()[i];
+    if (std::abs(x) < 1e-15) x = 0;
+  }
+  return R;
 }
 
 }  // namespace icat::detail

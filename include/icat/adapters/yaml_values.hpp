@@ -30,8 +30,8 @@ class Section {
     for (std::size_t i = 0; i < node.names.size(); ++i) {
       const auto& name = node.names[i];
       if (key(name.name)) continue;
-      wrong(file, name.line, name.column, where_, ": unknown key '", name.name, "'",
-            there_are(name.name, key_names()));
+      wrong(file, name.line, name.column, where_, where_.empty() ? "" : ": ", "unknown key '",
+            name.name, "'", there_are(name.name, key_names()));
     }
     for (std::size_t i = 0; i < table.count; ++i) {
       if (table.keys[i].required && !node.find(table.keys[i].name)) {
@@ -44,7 +44,12 @@ class Section {
   const ConfigFile& file() const noexcept { return *file_; }
   const ConfigNode& node() const noexcept { return *node_; }
   const ConfigSection& table() const noexcept { return *table_; }
-  const std::string& where() const noexcept { return where_; }
+  /// The same, otherwise called in errors.
+  Section called(std::string where) const {
+    Section other = *this;
+    other.where_ = std::move(where);
+    return other;
+  }
   bool has(const char* name) const { return find(name) != nullptr; }
   /// The value of a key that is there.
   const ConfigNode& at(const char* name) const {
@@ -55,15 +60,14 @@ class Section {
   /// Throws with the place of `at`.
   template <class... Parts>
   [[noreturn]] [[gnu::cold]] void fail(const ConfigNode& at, const Parts&... parts) const {
-    wrong(*file_, at, where_, ": ", parts...);
+    wrong(*file_, at, where_, where_.empty() ? "" : ": ", parts...);
   }
   /// Which of `names` the word at `at` is; `what` they are.
   [[gnu::cold]] std::size_t look_up(const ConfigNode& at, const char* what,
                                     const std::vector<std::string>& names) const {
     const std::string name = word(at, what);
-    for (std::size_t i = 0; i < names.size(); ++i) {
-      if (names[i] == name) return i;
-    }
+    const auto found = std::find(names.begin(), names.end(), name);
+    if (found != names.end()) return static_cast<std::size_t>(found - names.begin());
     fail(at, "no ", what, " '", name, "'", there_are(name, names));
   }
   /// The text of a scalar.
@@ -135,9 +139,8 @@ class Section {
   std::vector<std::string> names(const char* name) const {
     (void)known(name, Value::names);
     const ConfigNode* value = find(name);
-    std::vector<std::string> words;
-    if (!value) return words;
-    // One word is a list of one.
+    if (!value) return {};
+    std::vector<std::string> words;  // one word is a list of one
     if (value->is(ConfigNode::Kind::scalar)) return {word(*value, name)};
     for (const ConfigNode& item : list(*value, name)) words.push_back(word(item, name));
     return words;
@@ -197,7 +200,7 @@ class Section {
       all.emplace_back(*file_, item, *k.section,
                        called && !called->text.empty()
                            ? std::string(k.section->name) + " '" + called->text + "'"
-                           : where_ + ": " + k.section->name);
+                           : below(k.section->name));
     }
     return all;
   }
@@ -258,7 +261,9 @@ class Section {
     return names;
   }
   const ConfigNode* find(std::string_view name) const { return node_->find(name); }
-  std::string below(const char* name) const { return where_ + ": " + name; }
+  std::string below(const char* name) const {
+    return where_.empty() ? std::string(name) : where_ + ": " + name;
+  }
   void check_one_of() const {
     const ConfigNode* found = nullptr;
     std::string words, first;
@@ -336,16 +341,15 @@ class Section {
   }
   Matrix3<double> R = identity<Matrix3<double>>(3);
   if (rpy) {
-    R = times(axis_rotation<double>(Vector3d(0, 0, 1), (*rpy)(2)),
-              times(axis_rotation<double>(Vector3d(0, 1, 0), (*rpy)(1)),
-                    axis_rotation<double>(Vector3d(1, 0, 0), (*rpy)(0))));
+    R = times(turned(Vector3d(0, 0, 1), (*rpy)(2)),
+              times(turned(Vector3d(0, 1, 0), (*rpy)(1)), turned(Vector3d(1, 0, 0), (*rpy)(0))));
   } else if (about) {
     const Vector3d axis = *about->vector("axis");
     const double length = norm(axis);
     if (!(std::abs(length - 1) < 1e-4)) {
       about->fail(about->at("axis"), "'axis' must have length 1, got ", length);
     }
-    R = axis_rotation<double>(scaled(axis, 1 / length), about->number("angle", 0));
+    R = turned(scaled(axis, 1 / length), about->number("angle", 0));
     about->finish();
   } else if (quaternion) {
     UnitQuaternion<double> q{
