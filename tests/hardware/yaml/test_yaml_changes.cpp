@@ -102,7 +102,7 @@ TEST(YamlChanges, EveryLiveKey) {
       {"joint_limits gain", {"to_middle: false, gain: 0.5", "to_middle: false, gain: 0.6"}},
       {"joint_limits margin", {"margin: [0.1, 6 deg]", "margin: [0.1, 7 deg]"}},
       {"joint_limits max_rate",
-       {"gain: 0.5, max_rate: 1}\n  shape", "gain: 0.5, max_rate: 2}\n  shape"}},
+       {"gain: 0.5, max_rate: 1}\n  shape", "gain: 0.5, max_rate: 0.01}\n  shape"}},
       {"joint_position gain", {"gain: 0.3", "gain: 0.35"}},
       {"joint_position goal", {"{elbow: 0.8, wrist: 0}", "{elbow: 0.9, wrist: 0.1}"}},
       {"joint_position norm",
@@ -144,7 +144,7 @@ TEST(YamlChanges, EveryLiveKey) {
       {"occlusion max_rate",
        {"gain: 0.5, max_rate: 0.2}\n  keep", "gain: 0.5, max_rate: 0.1}\n  keep"}},
       {"occlusion objective",
-       {"objective: {at_least: 0.2, margin: 0.1}", "objective: {at_least: 0.3, margin: 0.1}"}},
+       {"objective: {at_least: 1.5, margin: 0.5}", "objective: {at_least: 1.4, margin: 0.5}"}},
       {"frame_distance gain",
        {"gain: 0.5, max_rate: 0.2}\n  short", "gain: 0.6, max_rate: 0.2}\n  short"}},
       {"frame_distance max_rate",
@@ -157,9 +157,9 @@ TEST(YamlChanges, EveryLiveKey) {
       {"manipulability gain",
        {"gain: 0.5, max_rate: 1}\n  obstacles", "gain: 0.6, max_rate: 1}\n  obstacles"}},
       {"manipulability max_rate",
-       {"gain: 0.5, max_rate: 1}\n  obstacles", "gain: 0.5, max_rate: 2}\n  obstacles"}},
+       {"gain: 0.5, max_rate: 1}\n  obstacles", "gain: 0.5, max_rate: 0.01}\n  obstacles"}},
       {"manipulability objective",
-       {"{at_least: 0.01, margin: 0.01}", "{at_least: 0.5, margin: 0.01}"}},
+       {"{at_least: 2, margin: 0.5}", "{at_least: 2.5, margin: 0.5}"}},
       {"clearance gain",
        {"gain: 0.5\n    max_rate: 0.2\n  itself", "gain: 0.6\n    max_rate: 0.2\n  itself"}},
       {"clearance max_rate", {"max_rate: 0.2\n  itself", "max_rate: 0.3\n  itself"}},
@@ -201,7 +201,7 @@ TEST(YamlChanges, EveryLiveKey) {
       std::uniform_real_distribution<double> share(-1, 1);
       for (int place = 0; place < 100; ++place) {
         Eigen::VectorXd q(4);
-        q << 2.9 * share(random), 2.4 * share(random), 3 * share(random), 0.025;
+        q << 3.1 * share(random), 2.6 * share(random), 3 * share(random), 0.025;
         icat::Pose<double> base = icat::Pose<double>::Identity();
         base.linear() = icat::rotation_exp<double>(
             {0.5 * share(random), 0.5 * share(random), 0.5 * share(random)});
