@@ -49,7 +49,7 @@ int run_file(const std::string& file, const std::string& output, const std::stri
       config, back_end,
       [&](double t) {
         if (!change || t < at) return;
-        config.apply(*change);
+        if (config.apply(*change) == icat::Status::ok) std::printf("%8.2f s  changes\n", t);
         change.reset();
       },
       [&](double t, const icat::RobotState<run::Robot>& state) {

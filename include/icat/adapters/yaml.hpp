@@ -33,16 +33,19 @@ struct ConfiguredPlant {
   }
 };
 
-/// Changes of gains and goals that were read and checked, and wait to be applied.
+/// Changes of gains and goals that were read and checked, and wait to be applied. Destroy them
+/// outside the loop: that frees memory.
 class ConfigurationChanges {
  public:
-  /// How many values change.
-  std::size_t size() const noexcept { return setters_.size(); }
+  /// How many values change; 0 once they were applied.
+  std::size_t size() const noexcept { return applied_ ? 0 : setters_.size(); }
 
  private:
   friend class Configuration;
   std::vector<detail::Setter> setters_;
   std::unique_ptr<detail::ConfigFile> file_;
+  const detail::ConfigFile* base_{nullptr};  // the file that they are changes of
+  bool applied_{false};
 };
 
 /// See the file comment. Construction and `read_changes` read files, allocate and throw; nothing
@@ -88,7 +91,8 @@ class Configuration {
   }
 
   /// What is new in the file at the path `path`, whose other values must be those of this
-  /// configuration. Reads the file, allocates; may run beside the loop in a thread of its own.
+  /// configuration. Reads the file, allocates; may run beside the loop in a thread of its own, but
+  /// not while `apply` does.
   /// @throws std::invalid_argument on whatever a configuration is refused for, and on what may not
   ///         change while it runs, with its name. Nothing is changed then.
   ConfigurationChanges read_changes(const std::string& path) const {
@@ -98,13 +102,15 @@ class Configuration {
   ConfigurationChanges parse_changes(const std::string& text, const std::string& name) const {
     return changes(std::make_unique<detail::ConfigFile>(detail::config_text(text, name)));
   }
-  /// Makes the changes, all of them, between two steps. They must be of this configuration, the
-  /// last that was read for it. No allocation.
-  void apply(ConfigurationChanges& changes) noexcept {
-    if (!changes.file_) return;
+  /// Makes the changes, all of them, between two steps. `out_of_range`: they were read for another
+  /// configuration, or before others that were applied since, or are applied already; nothing is
+  /// changed then. No allocation, and nothing is freed.
+  Status apply(ConfigurationChanges& changes) noexcept {
+    if (changes.applied_ || changes.base_ != file_.get()) return Status::out_of_range;
     for (const detail::Setter& set : changes.setters_) set();
-    changes.setters_.clear();
-    file_.swap(changes.file_);  // freed with `changes`, outside the loop
+    changes.applied_ = true;
+    file_.swap(changes.file_);
+    return Status::ok;
   }
 
   /// Of a file that was read. For `load_yaml`.
@@ -114,6 +120,7 @@ class Configuration {
     const detail::Section top(*file_, file_->root, detail::top_section, "");
     (void)top.text("about");
     period_ = top.number("period", 0.01);
+    if (!std::isfinite(period_)) top.fail(top.at("period"), "'period' must be finite");
     const detail::Section robot = *top.section("robot");
     *parts_ = detail::robot_parts(robot);
     robot_ = detail::at_place(robot, robot.node(), [&] {
@@ -126,8 +133,8 @@ class Configuration {
     read_plant(top, context);
     read_tasks(top, context);
     const auto actions = detail::actions_of(top, tasks_);
-    controller_ = detail::controller_of(top, context, actions);
-    mission_ = detail::mission_of(top, tasks_, actions, *controller_);
+    controller_ = detail::controller_of(top, context, actions, period_);
+    mission_ = detail::mission_of(top, tasks_, actions, *controller_, period_);
     top.finish();
   }
 
@@ -149,12 +156,18 @@ class Configuration {
     const auto s = top.section("plant");
     if (!s) return;
     plant_.tracking_lag = s->number("tracking_lag", 0);
+    if (!std::isfinite(plant_.tracking_lag)) {
+      s->fail(s->at("tracking_lag"), "'tracking_lag' must be finite");
+    }
     plant_.not_actuated = context.columns(*s, "not_actuated");
     if (const auto current = s->section("current")) {
       plant_.has_current = true;
       plant_.current = *current->vector("velocity");
       plant_.current_period = current->number("period", infinity<double>);
       current->finish();
+      if (!detail::all_finite(plant_.current)) {
+        current->fail(current->at("velocity"), "'velocity' must be finite");
+      }
       if (parts_->base != "free") current->fail(current->node(), "only a free base is carried");
     }
     s->finish();
@@ -191,6 +204,7 @@ class Configuration {
       }
     }
     result.file_ = std::move(file);
+    result.base_ = file_.get();
     return result;
   }
   void compare_tasks(const detail::ConfigFile& file, const detail::ConfigNode& before,

@@ -118,7 +118,7 @@ inline std::vector<Action<ConfiguredRobot>> actions_of(const Section& top, Confi
 /// The controller behind the key `controller` of `top`.
 inline std::unique_ptr<ConfiguredController> controller_of(
     const Section& top, const RobotContext& context,
-    const std::vector<Action<ConfiguredRobot>>& actions) {
+    const std::vector<Action<ConfiguredRobot>>& actions, double period) {
   ConfiguredController::Options options;
   options.limits = context.limits(top.section("limits"));
   bool parallel = false;
@@ -168,6 +168,11 @@ inline std::unique_ptr<ConfiguredController> controller_of(
     const double length = s.number("characteristic_length", 0);
     if (length > 0) options.characteristic_length = length;
     s.finish();
+  }
+  const double longest = longest_step(options);
+  if (period > longest * (1 + 1e-9)) {
+    top.fail(top.at("period"), "a 'period' of ", period, " s is longer than the longest step, ",
+             longest, " s: 'max_step' of the controller, or 'reaction_time' of the limits");
   }
   return at_place(top, section ? section->node() : top.at("actions"), [&] {
     return std::make_unique<ConfiguredController>(context.robot, actions, options, parallel);
@@ -263,7 +268,7 @@ inline std::vector<Reaction> reactions_of(const Section& s, const char* key,
 /// The mission behind the key `mission` of `top`; none where there is no such key.
 inline std::unique_ptr<Mission> mission_of(const Section& top, const ConfiguredTasks& tasks,
                                            const std::vector<Action<ConfiguredRobot>>& actions,
-                                           const ConfiguredController& controller) {
+                                           const ConfiguredController& controller, double period) {
   const auto section = top.section("mission");
   if (!section) return nullptr;
   const auto rows = section->sections("phases");
@@ -292,6 +297,7 @@ inline std::unique_ptr<Mission> mission_of(const Section& top, const ConfiguredT
   const auto always = reactions_of(*section, "always", names);
   const double max_step = section->number("max_step", 1);
   section->finish();
+  if (period > max_step) section->fail(section->at("max_step"), "'max_step' is below the period");
   // What the mission says of a phase stands at that phase.
   const auto place = [&](std::string_view error) -> const ConfigNode& {
     for (std::size_t i = 0; i < rows.size(); ++i) {

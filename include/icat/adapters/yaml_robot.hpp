@@ -175,7 +175,8 @@ inline void add_frames(const Section& s, ConfiguredRobot& robot) {
     const FrameId parent = frame_of(frame, "parent", robot);
     const Pose<double> pose = *frame.pose("pose");
     frame.finish();
-    at_place(frame, frame.node(), [&] { return robot.add_frame(name, parent, pose); });
+    at_place(frame, frame.node(),
+             [&, &called = name] { return robot.add_frame(called, parent, pose); });
   }
 }
 

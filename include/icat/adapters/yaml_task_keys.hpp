@@ -28,7 +28,7 @@ inline constexpr bool live = true;
   {"axes_of", Value::choice, "whose axes count; none: reference", Unit::none, any, false, false, nullptr, "reference frame"}
 
 inline constexpr ConfigKey move_keys[] = {
-    {"from", Value::number, "when it begins", Unit::time, any, needed},
+    {"from", Value::number, "when it begins, on the clock of the loop", Unit::time, any, needed},
     {"to", Value::number, "when it ends, at rest", Unit::time, any, needed},
     {"by", Value::vector, "how far the goal moves, on the reference", Unit::length, any, needed}};
 inline constexpr ConfigSection move_section = section_of("move", move_keys);

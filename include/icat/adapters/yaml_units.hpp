@@ -84,10 +84,11 @@ inline bool take_number(std::string_view& text, double& value) noexcept {
     return true;
   }
   std::string_view digits = text;
-  if (digits.starts_with('+')) digits.remove_prefix(1);
-  const char first = digits.starts_with('-') && digits.size() > 1 ? digits[1]
-                     : digits.empty()                             ? 'x'
-                                                                  : digits[0];
+  const bool plus = digits.starts_with('+');
+  if (plus) digits.remove_prefix(1);
+  const char first = !plus && digits.starts_with('-') && digits.size() > 1 ? digits[1]
+                     : digits.empty()                                      ? 'x'
+                                                                           : digits[0];
   if (!(first >= '0' && first <= '9') && first != '.') return false;  // no "inf", no "nan"
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
   if (error != std::errc()) return false;

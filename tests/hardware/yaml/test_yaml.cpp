@@ -182,8 +182,9 @@ TEST(Yaml, NumbersAndTheirUnits) {
     auto config = icat::parse_yaml(gain(good), here + "text");
     EXPECT_EQ((config.task<icat::task::FramePosition<icat::ConfiguredRobot>>("hand").gain()), 0.5);
   }
-  for (const char* bad : {"0", "-1", ".nan", "nan", "inf", ".inf", "0x1", "1 2", "1,5", "1 Hz", "",
-                          "~", "[1]", "{a: 1}", "1e999", "-", "+", ".", "true"}) {
+  for (const char* bad :
+       {"0", "-1",  ".nan",   "nan",   "inf", ".inf", "0x1", "1 2",  "1,5", "1 Hz", "",
+        "~", "[1]", "{a: 1}", "1e999", "-",   "+",    ".",   "true", "+-1", "--1"}) {
     EXPECT_NE(refusal(gain(bad)), "") << bad;
   }
 }
@@ -222,6 +223,10 @@ TEST(Yaml, NamesOfAWrongKindOfValue) {
   EXPECT_NE(refusal(small_with("origin: {position: [0.3, 0, 0]}", "origin: {rpy: [0, 0, 0]}"))
                 .find("'position' is missing"),
             std::string::npos);
+  for (const char* period : {".inf", "0.2", "0"}) {
+    EXPECT_NE(refusal(small_with("tasks:", std::string("period: ") + period + "\ntasks:")), "");
+  }
+  EXPECT_NE(refusal(std::string(100000, '[')), "");
   EXPECT_THROW((void)icat::load_yaml(here + "no such file"), std::invalid_argument);
 }
 

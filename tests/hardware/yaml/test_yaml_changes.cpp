@@ -66,7 +66,7 @@ TEST(YamlChanges, AreThoseOfTheNewFile) {
                       late = icat::parse_yaml(text, here + "text");
   icat::ConfigurationChanges changes = changed.parse_changes(other, here + "text");
   EXPECT_EQ(changes.size(), 3u);
-  changed.apply(changes);
+  EXPECT_EQ(changed.apply(changes), icat::Status::ok);
   EXPECT_EQ(changes.size(), 0u);
   EXPECT_EQ(changed.parse_changes(other, here + "text").size(), 0u) << "it is the new one now";
 
@@ -80,7 +80,8 @@ TEST(YamlChanges, AreThoseOfTheNewFile) {
   icat::ConfigurationChanges in_the_middle = late.parse_changes(other, here + "text");
   const auto switched = commands(late, "reach", 300, [&](int k) {
     if (k == 150) {
-      EXPECT_EQ(count_allocations([&] { late.apply(in_the_middle); }), 0);
+      EXPECT_EQ(count_allocations([&] { (void)late.apply(in_the_middle); }), 0);
+      EXPECT_EQ(in_the_middle.size(), 0u);
     }
   });
   for (std::size_t k = 0; k < 150; ++k) EXPECT_EQ(switched[k], before[k]) << k;
@@ -158,8 +159,7 @@ TEST(YamlChanges, EveryLiveKey) {
        {"gain: 0.5, max_rate: 1}\n  obstacles", "gain: 0.6, max_rate: 1}\n  obstacles"}},
       {"manipulability max_rate",
        {"gain: 0.5, max_rate: 1}\n  obstacles", "gain: 0.5, max_rate: 0.01}\n  obstacles"}},
-      {"manipulability objective",
-       {"{at_least: 2, margin: 0.5}", "{at_least: 2.5, margin: 0.5}"}},
+      {"manipulability objective", {"{at_least: 2, margin: 0.5}", "{at_least: 2.5, margin: 0.5}"}},
       {"clearance gain",
        {"gain: 0.5\n    max_rate: 0.2\n  itself", "gain: 0.6\n    max_rate: 0.2\n  itself"}},
       {"clearance max_rate", {"max_rate: 0.2\n  itself", "max_rate: 0.3\n  itself"}},
@@ -189,7 +189,7 @@ TEST(YamlChanges, EveryLiveKey) {
                           fresh = icat::parse_yaml(other, here + "text");
       icat::ConfigurationChanges one = config.parse_changes(other, here + "text");
       EXPECT_EQ(one.size(), 1u) << name;
-      EXPECT_EQ(count_allocations([&] { config.apply(one); }), 0) << name;
+      EXPECT_EQ(count_allocations([&] { (void)config.apply(one); }), 0) << name;
       double difference = 0, by = 0;
       icat::Configuration old = icat::parse_yaml(text, here + "text");
       const auto state = [&](icat::Configuration& c, const Eigen::VectorXd& q,
@@ -236,9 +236,9 @@ TEST(YamlChanges, AsThePageShowsIt) {
   EXPECT_EQ(status, icat::Status::ok);
   //! [changes]
   icat::ConfigurationChanges changes = config.read_changes(file);  // throws where anything is wrong
-  config.apply(changes);  // between two steps: cannot fail, allocates nothing
+  status = config.apply(changes);  // between two steps; allocates nothing
   //! [changes]
-  EXPECT_EQ(changes.size(), 0u);
+  EXPECT_EQ(status, icat::Status::ok);
   EXPECT_EQ(hand.goal().y(), 0.5) << "what did not change in the file stays as the program set it";
 }
 
@@ -278,16 +278,52 @@ TEST(YamlChanges, AreRefusedAsAWhole) {
   }
   // Another way to write the same is no change.
   EXPECT_EQ(config.parse_changes(with(text, "gain: 0.5", "gain: 0.50"), here + "text").size(), 0u);
-  icat::ConfigurationChanges one = config.parse_changes(good, here + "text");
-  config.apply(one);
+  icat::ConfigurationChanges one = config.parse_changes(good, here + "text"),
+                             stale = config.parse_changes(good, here + "text");
+  icat::Configuration other = icat::parse_yaml(text, here + "text");
+  EXPECT_EQ(other.apply(one), icat::Status::out_of_range) << "of another configuration";
+  EXPECT_EQ(hand.gain(), 0.5);
+  EXPECT_EQ(config.apply(one), icat::Status::ok);
   EXPECT_EQ(hand.gain(), 0.9);
+  EXPECT_EQ(config.apply(stale), icat::Status::out_of_range) << "of a file that is not the last";
   // Gone is back to the default.
   icat::ConfigurationChanges gone =
       config.parse_changes(with(text, ", gain: 0.5", ""), here + "text");
-  config.apply(gone);
+  EXPECT_EQ(config.apply(gone), icat::Status::ok);
   EXPECT_EQ(hand.gain(), 1);
-  config.apply(gone);  // once more: nothing
-  EXPECT_EQ(hand.gain(), 1);
+  EXPECT_EQ(config.apply(gone), icat::Status::out_of_range) << "twice";
+  // Where a configuration is moved, nothing in it moves.
+  icat::Configuration moved = std::move(config);
+  icat::ConfigurationChanges back = moved.parse_changes(text, here + "text");
+  EXPECT_EQ(moved.apply(back), icat::Status::ok);
+  EXPECT_EQ(hand.gain(), 0.5);
+}
+
+// Conditions, goals that move, both controllers: no cycle allocates.
+TEST(YamlChanges, CyclesAllocateNothing) {
+  for (const char* file : {"everything.yaml", "small.yaml"}) {
+    icat::Configuration config = icat::load_yaml(here + file);
+    icat::Mission& mission = *config.mission();
+    run::Plant plant = run::make_plant(config);
+    icat::PlantBackEnd back_end(config.robot(), plant);
+    icat::RobotState<run::Robot> state(config.robot());
+    std::size_t phases = 0;
+    const long count = count_allocations([&] {
+      for (int k = 0; k < 2000 && mission.end() == icat::PhaseEnd::none; ++k) {
+        const double t = k * config.period();
+        config.update(t);
+        (void)back_end.read(t, state);
+        (void)config.robot().update(state.q, state.base);
+        (void)mission.step(t);
+        (void)mission.drive(config.controller(), t);
+        (void)config.controller().step(t, state.velocity);
+        (void)back_end.write(t, config.controller().command());
+        phases += mission.entered();
+      }
+    });
+    EXPECT_EQ(count, 0) << file;
+    EXPECT_GE(phases, 2u) << file;
+  }
 }
 
 }  // namespace
