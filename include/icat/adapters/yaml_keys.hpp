@@ -120,7 +120,7 @@ inline constexpr ConfigSection norms_section = section_of("norms", norms_keys);
 
 // --- robot
 
-#define ICAT_CONFIG_BASES "fixed free surface differential_drive"
+inline constexpr const char* bases = "fixed free surface differential_drive";
 
 inline constexpr ConfigKey uvms_keys[] = {
     {"arm", Value::choice, "the arm", Unit::none, any, needed, false, nullptr, "maris"},
@@ -130,7 +130,7 @@ inline constexpr ConfigKey uvms_keys[] = {
 inline constexpr ConfigSection uvms_section = section_of("uvms", uvms_keys);
 inline constexpr ConfigKey urdf_keys[] = {
     {"file", Value::text, "path, from the folder of this file", Unit::none, any, needed},
-    {"base", Value::choice, "what the root link can do; none: fixed", Unit::none, any, false, false, nullptr, ICAT_CONFIG_BASES},
+    {"base", Value::choice, "what the root link can do; none: fixed", Unit::none, any, false, false, nullptr, bases},
     {"locked", Value::joint_values, "joints that become fixed, by their names, and where", Unit::joint}};
 inline constexpr ConfigSection urdf_section = section_of("urdf", urdf_keys);
 inline constexpr ConfigKey mimic_keys[] = {
@@ -157,7 +157,7 @@ inline constexpr ConfigKey mass_keys[] = {
     {"center", Value::vector, "of its mass, on the link", Unit::length, any, needed}};
 inline constexpr ConfigSection mass_section = section_of("mass", mass_keys);
 inline constexpr ConfigKey tree_keys[] = {
-    {"base", Value::choice, "what the root link can do; none: fixed", Unit::none, any, false, false, nullptr, ICAT_CONFIG_BASES},
+    {"base", Value::choice, "what the root link can do; none: fixed", Unit::none, any, false, false, nullptr, bases},
     {"root", Value::text, "name of the root link; needed where there are no joints"},
     {"joints", Value::sections, "in any order", Unit::none, any, false, false, &joint_section},
     {"masses", Value::sections, "of some links", Unit::none, any, false, false, &mass_section}};
@@ -276,8 +276,6 @@ inline constexpr ConfigSection top_section = section_of("configuration", top_key
 
 }  // namespace config
 // clang-format on
-
-#undef ICAT_CONFIG_BASES
 
 using config::objective_section;
 using config::pose_section;

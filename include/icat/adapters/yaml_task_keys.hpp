@@ -11,29 +11,28 @@ namespace icat::detail {
 namespace config {
 
 inline constexpr bool live = true;
-#define ICAT_CONFIG_GAIN \
-  {"type", Value::text, "of the task", Unit::none, any, needed}, \
-  {"gain", Value::number, "of the error; none: 1", Unit::rate, positive, false, live}
-#define ICAT_CONFIG_SCALAR(unit_of_value, unit_of_rate) \
-  {"max_rate", Value::number, "largest rate; none: no limit", unit_of_rate, positive, false, live}, \
-  {"objective", Value::objective, "what the value is to do", unit_of_value, any, needed, live}
-#define ICAT_CONFIG_NORM(what, unit_of_norm) \
-  {"norm", Value::objective, what, unit_of_norm, any, false, live}
-#define ICAT_CONFIG_JOINTS \
-  {"joints", Value::names, "by name; none: all"}
-#define ICAT_CONFIG_FRAME \
-  {"frame", Value::text, "the frame that is controlled", Unit::none, any, needed}
-#define ICAT_CONFIG_RELATIVE \
-  {"relative_to", Value::text, "frame that the goal is given in; none: the world"}, \
-  {"axes_of", Value::choice, "whose axes count; none: reference", Unit::none, any, false, false, nullptr, "reference frame"}
+inline constexpr ConfigKey type_key{"type", Value::text, "of the task", Unit::none, any, needed};
+inline constexpr ConfigKey gain_key{"gain", Value::number, "of the error; none: 1", Unit::rate, positive, false, live};
+inline constexpr ConfigKey joints_key{"joints", Value::names, "by name; none: all"};
+inline constexpr ConfigKey frame_key{"frame", Value::text, "the frame that is controlled", Unit::none, any, needed};
+inline constexpr ConfigKey relative_key{"relative_to", Value::text, "frame that the goal is given in; none: the world"};
+inline constexpr ConfigKey axes_of_key{"axes_of", Value::choice, "whose axes count; none: reference", Unit::none, any, false, false, nullptr, "reference frame"};
+constexpr ConfigKey objective_key(Unit unit) {
+  return {"objective", Value::objective, "what the value is to do", unit, any, needed, live};
+}
+constexpr ConfigKey norm_key(const char* about, Unit unit) {
+  return {"norm", Value::objective, about, unit, any, false, live};
+}
+constexpr ConfigKey max_rate_key(Unit unit, Value value = Value::number) {
+  return {"max_rate", value, "none: no limit", unit, positive, false, live};
+}
 
 inline constexpr ConfigKey move_keys[] = {
     {"from", Value::number, "when it begins, on the clock of the loop", Unit::time, any, needed},
     {"to", Value::number, "when it ends, at rest", Unit::time, any, needed},
     {"by", Value::vector, "how far the goal moves, on the reference", Unit::length, any, needed}};
 inline constexpr ConfigSection move_section = section_of("move", move_keys);
-#define ICAT_CONFIG_MOVES \
-  {"moves", Value::sections, "of the goal over time, added up", Unit::none, any, false, false, &move_section}
+inline constexpr ConfigKey moves_key{"moves", Value::sections, "of the goal over time, added up", Unit::none, any, false, false, &move_section};
 
 inline constexpr ConfigKey body_keys[] = {
     {"name", Value::text, "for pairs", Unit::none, any, needed},
@@ -66,82 +65,81 @@ inline constexpr ConfigKey obstacle_keys[] = {
     {"plane", Value::section, "what is behind a plane", Unit::none, any, false, false, &plane_section},
     {"box", Value::section, "a box", Unit::none, any, false, false, &box_section}};
 inline constexpr ConfigSection obstacle_section = section_of("obstacle", obstacle_keys, "sphere capsule plane box");
-#define ICAT_CONFIG_CLEARANCE \
-  {"bodies", Value::sections, "of the robot", Unit::none, any, needed, false, &body_section}, \
-  {"bulge", Value::number, "how much thicker a capsule is in its middle, in its lengths; none: 0.02", Unit::none, positive}
+inline constexpr ConfigKey bodies_key{"bodies", Value::sections, "of the robot", Unit::none, any, needed, false, &body_section};
+inline constexpr ConfigKey bulge_key{"bulge", Value::number, "how much thicker a capsule is in its middle, in its lengths; none: 0.02", Unit::none, positive};
 
-inline constexpr ConfigKey joint_limits_keys[] = {ICAT_CONFIG_GAIN, ICAT_CONFIG_JOINTS,
+inline constexpr ConfigKey joint_limits_keys[] = {type_key, gain_key, joints_key,
     {"margin", Value::per_joint, "active so far before a limit; none: 0.1", Unit::joint, positive, false, live},
     {"to_middle", Value::boolean, "true: pull to the middle of the range"},
-    {"max_rate", Value::per_joint, "none: no limit", Unit::joint_speed, positive, false, live}};
-inline constexpr ConfigKey joint_position_keys[] = {ICAT_CONFIG_GAIN, ICAT_CONFIG_JOINTS,
+    max_rate_key(Unit::joint_speed, Value::per_joint)};
+inline constexpr ConfigKey joint_position_keys[] = {type_key, gain_key, joints_key,
     {"goal", Value::joint_values, "of each of its joints", Unit::joint, any, needed, live},
-    ICAT_CONFIG_NORM("objective on the distance from the goal; none: each joint to its own", Unit::joint),
-    {"max_rate", Value::per_joint, "none: no limit", Unit::joint_speed, positive, false, live}};
-inline constexpr ConfigKey frame_pose_keys[] = {ICAT_CONFIG_GAIN, ICAT_CONFIG_FRAME, ICAT_CONFIG_RELATIVE,
+    norm_key("objective on the distance from the goal; none: each joint to its own", Unit::joint),
+    max_rate_key(Unit::joint_speed, Value::per_joint)};
+inline constexpr ConfigKey frame_pose_keys[] = {type_key, gain_key, frame_key, relative_key, axes_of_key,
     {"goal", Value::goal_pose, "in the reference; 'here': where it is at the start", Unit::none, any, needed, live},
     {"linear", Value::axes, "of the position; none: all"},
     {"angular", Value::axes, "of the orientation; none: all"},
     {"norms", Value::section, "one row for the distance, one for the angle", Unit::none, any, false, live, &norms_section},
     {"max_linear_rate", Value::number, "none: no limit", Unit::speed, positive, false, live},
     {"max_angular_rate", Value::number, "none: no limit", Unit::turn, positive, false, live},
-    ICAT_CONFIG_MOVES};
-inline constexpr ConfigKey frame_position_keys[] = {ICAT_CONFIG_GAIN, ICAT_CONFIG_FRAME, ICAT_CONFIG_RELATIVE,
+    moves_key};
+inline constexpr ConfigKey frame_position_keys[] = {type_key, gain_key, frame_key, relative_key, axes_of_key,
     {"goal", Value::goal_point, "in the reference; 'here': where it is at the start", Unit::length, any, needed, live},
     {"axes", Value::axes, "that count; none: all"},
-    ICAT_CONFIG_NORM("objective on the distance; none: each axis", Unit::length),
-    {"max_rate", Value::number, "none: no limit", Unit::speed, positive, false, live},
-    ICAT_CONFIG_MOVES};
-inline constexpr ConfigKey frame_orientation_keys[] = {ICAT_CONFIG_GAIN, ICAT_CONFIG_FRAME, ICAT_CONFIG_RELATIVE,
+    norm_key("objective on the distance; none: each axis", Unit::length),
+    max_rate_key(Unit::speed),
+    moves_key};
+inline constexpr ConfigKey frame_orientation_keys[] = {type_key, gain_key, frame_key, relative_key, axes_of_key,
     {"goal", Value::goal_turn, "a pose without position; 'here': as it is at the start", Unit::none, any, needed, live},
     {"axes", Value::axes, "that count; none: all"},
-    ICAT_CONFIG_NORM("objective on the angle; none: each axis", Unit::angle),
-    {"max_rate", Value::number, "none: no limit", Unit::turn, positive, false, live}};
+    norm_key("objective on the angle; none: each axis", Unit::angle),
+    max_rate_key(Unit::turn)};
 inline constexpr ConfigKey frame_velocity_keys[] = {
-    {"type", Value::text, "of the task", Unit::none, any, needed}, ICAT_CONFIG_FRAME,
+    type_key, frame_key,
     {"relative_to", Value::text, "the reference; none: the world"},
     {"axes_of", Value::choice, "whose axes count; none: frame", Unit::none, any, false, false, nullptr, "reference frame"},
     {"linear", Value::axes, "of the linear velocity; none: all"},
     {"angular", Value::axes, "of the angular velocity; none: all"},
     {"linear_velocity", Value::vector, "none: 0", Unit::speed, any, false, live},
     {"angular_velocity", Value::vector, "none: 0", Unit::turn, any, false, live}};
-inline constexpr ConfigKey attitude_keys[] = {ICAT_CONFIG_GAIN, ICAT_CONFIG_FRAME,
+inline constexpr ConfigKey attitude_keys[] = {type_key, gain_key, frame_key,
     {"axis", Value::vector, "of length 1, on the frame; none: z"},
     {"world_axis", Value::vector, "of length 1, on the world; none: z", Unit::none, any, false, live},
-    ICAT_CONFIG_NORM("objective on the angle; none: two rows, to zero", Unit::angle),
-    {"max_rate", Value::number, "none: no limit", Unit::turn, positive, false, live}};
-inline constexpr ConfigKey look_at_keys[] = {ICAT_CONFIG_GAIN,
+    norm_key("objective on the angle; none: two rows, to zero", Unit::angle),
+    max_rate_key(Unit::turn)};
+inline constexpr ConfigKey look_at_keys[] = {type_key, gain_key,
     {"camera", Value::text, "frame of the camera", Unit::none, any, needed},
     {"target", Value::vector, "in the world", Unit::length, any, false, live},
     {"target_frame", Value::text, "or a frame of the robot"},
     {"axis", Value::vector, "of length 1, on the camera; none: z"},
-    ICAT_CONFIG_NORM("objective on the angle; none: two rows, to zero", Unit::angle),
-    {"max_rate", Value::number, "none: no limit", Unit::turn, positive, false, live}};
-inline constexpr ConfigKey occlusion_keys[] = {ICAT_CONFIG_GAIN, ICAT_CONFIG_FRAME,
+    norm_key("objective on the angle; none: two rows, to zero", Unit::angle),
+    max_rate_key(Unit::turn)};
+inline constexpr ConfigKey occlusion_keys[] = {type_key, gain_key, frame_key,
     {"camera", Value::text, "frame of the camera", Unit::none, any, needed},
     {"axis", Value::vector, "of length 1, on the camera; none: z"},
-    ICAT_CONFIG_SCALAR(Unit::angle, Unit::turn)};
-inline constexpr ConfigKey frame_distance_keys[] = {ICAT_CONFIG_GAIN, ICAT_CONFIG_FRAME,
+    max_rate_key(Unit::turn), objective_key(Unit::angle)};
+inline constexpr ConfigKey frame_distance_keys[] = {type_key, gain_key, frame_key,
     {"point", Value::vector, "in the world", Unit::length, any, false, live},
     {"other_frame", Value::text, "or a frame of the robot"},
-    ICAT_CONFIG_SCALAR(Unit::length, Unit::speed)};
-inline constexpr ConfigKey center_of_mass_keys[] = {ICAT_CONFIG_GAIN,
+    max_rate_key(Unit::speed), objective_key(Unit::length)};
+inline constexpr ConfigKey center_of_mass_keys[] = {type_key, gain_key,
     {"goal", Value::goal_point, "in the world; 'here': where it is at the start", Unit::length, any, needed, live},
     {"axes", Value::axes, "that count; none: all"},
-    {"max_rate", Value::number, "none: no limit", Unit::speed, positive, false, live}};
-inline constexpr ConfigKey manipulability_keys[] = {ICAT_CONFIG_GAIN, ICAT_CONFIG_FRAME, ICAT_CONFIG_JOINTS,
-    ICAT_CONFIG_SCALAR(Unit::none, Unit::none)};
-inline constexpr ConfigKey clearance_keys[] = {ICAT_CONFIG_GAIN, ICAT_CONFIG_CLEARANCE,
+    max_rate_key(Unit::speed)};
+inline constexpr ConfigKey manipulability_keys[] = {type_key, gain_key, frame_key, joints_key,
+    max_rate_key(Unit::none), objective_key(Unit::none)};
+inline constexpr ConfigKey clearance_keys[] = {type_key, gain_key, bodies_key, bulge_key,
     {"obstacles", Value::sections, "in the world; their number stays", Unit::none, any, needed, live, &obstacle_section},
-    ICAT_CONFIG_SCALAR(Unit::length, Unit::speed)};
-inline constexpr ConfigKey self_clearance_keys[] = {ICAT_CONFIG_GAIN, ICAT_CONFIG_CLEARANCE,
+    max_rate_key(Unit::speed), objective_key(Unit::length)};
+inline constexpr ConfigKey self_clearance_keys[] = {type_key, gain_key, bodies_key, bulge_key,
     {"pairs", Value::pairs, "of names of bodies", Unit::none, any, needed},
-    ICAT_CONFIG_SCALAR(Unit::length, Unit::speed)};
+    max_rate_key(Unit::speed), objective_key(Unit::length)};
 inline constexpr ConfigKey minimality_keys[] = {
-    {"type", Value::text, "of the task", Unit::none, any, needed},
+    type_key,
     {"columns", Value::names, "'joints', 'base', or names of joints and of the base's columns", Unit::none, any, needed}};
 inline constexpr ConfigKey given_velocity_keys[] = {
-    {"type", Value::text, "of the task", Unit::none, any, needed},
+    type_key,
     {"columns", Value::names, "'joints', 'base', or names of joints and of the base's columns", Unit::none, any, needed},
     {"velocity", Value::numbers, "of each column; none: 0", Unit::none, any, false, live}};
 
@@ -160,14 +158,5 @@ inline constexpr ConfigSection task_sections[] = {
 // clang-format on
 
 using config::task_sections;
-
-#undef ICAT_CONFIG_GAIN
-#undef ICAT_CONFIG_SCALAR
-#undef ICAT_CONFIG_NORM
-#undef ICAT_CONFIG_JOINTS
-#undef ICAT_CONFIG_FRAME
-#undef ICAT_CONFIG_RELATIVE
-#undef ICAT_CONFIG_MOVES
-#undef ICAT_CONFIG_CLEARANCE
 
 }  // namespace icat::detail
