@@ -125,6 +125,19 @@ TEST(Yaml, SchemaAndPageAreThoseOfTheTables) {
   const std::string page = read(root + "docs/configuration.md");
   EXPECT_NE(page.find(icat::configuration_tables()), std::string::npos)
       << "docs/configuration.md does not have what icat_run --keys prints";
+  // The messages on the page are those of the wrong files.
+  std::string said;
+  for (const std::string& path : files_in(here + "wrong")) said.append(read(path));
+  const std::string head = "\nmission.yaml:";
+  int messages = 0;
+  for (std::size_t at = 0; (at = page.find(head, at)) != std::string::npos; ++messages) {
+    at += head.size();
+    std::string line = page.substr(at, page.find('\n', at) - at);
+    const std::size_t cut = line.find(", …");
+    if (cut != std::string::npos) line.erase(cut);
+    EXPECT_NE(said.find("# says: " + line), std::string::npos) << line;
+  }
+  EXPECT_EQ(messages, 6);
 }
 
 TEST(Yaml, RobotOfTheFile) {
