@@ -2,13 +2,16 @@
 # those that the tests are built with.
 # cmake -DSOURCE_DIR=... -P docs.cmake
 cmake_minimum_required(VERSION 3.22)
-foreach(adapter urdf kdl mujoco pinocchio ros1)
+foreach(adapter urdf kdl mujoco pinocchio ros1 yaml)
   set(name docs/adapters.md)
   set(file "${SOURCE_DIR}/tests/adapters/CMakeLists.txt")
   if(adapter STREQUAL "pinocchio")
     set(file "${SOURCE_DIR}/tests/adapters/pinocchio/CMakeLists.txt")
   elseif(adapter STREQUAL "ros1")
     set(name docs/${adapter}.md)
+    set(file "${SOURCE_DIR}/tests/hardware/${adapter}/CMakeLists.txt")
+  elseif(adapter STREQUAL "yaml")
+    set(name docs/configuration.md)
     set(file "${SOURCE_DIR}/tests/hardware/${adapter}/CMakeLists.txt")
   endif()
   file(READ "${SOURCE_DIR}/${name}" page)

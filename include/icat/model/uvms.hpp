@@ -19,14 +19,14 @@ struct UvmsMounts {
   Pose<Scalar> tool = IdentityPose{};    ///< in the end-effector's frame
 };
 
-/// A vehicle-manipulator with `Dof` joints and `Dof` + 6 columns. Its frames: "vehicle",
-/// "arm_base", "link1" …, "end_effector", "tool", "camera".
-/// @throws std::invalid_argument on a bad arm or mount. Allocates.
-template <class Scalar, int Dof>
-[[gnu::cold]] KinematicTree<Scalar, Dof + 6> uvms(const SerialArm<Scalar, Dof>& arm,
-                                                  const UvmsMounts<Scalar>& mounts = {}) {
-  typename KinematicTree<Scalar, Dof + 6>::Description description{
-      .joints = detail::axes_chain(arm, "arm_base", "", 3), .base = Base<Scalar>::free()};
+namespace detail {
+
+/// What `uvms` is made of, for a tree of static or dynamic size.
+template <class Tree, class Scalar, int Dof>
+[[gnu::cold]] typename Tree::Description uvms_description(const SerialArm<Scalar, Dof>& arm,
+                                                          const UvmsMounts<Scalar>& mounts) {
+  typename Tree::Description description{.joints = axes_chain(arm, "arm_base", "", 3),
+                                         .base = Base<Scalar>::free()};
   Joint<Scalar>* joint = description.joints.data() + description.joints.size();
   const auto mount = [&](const char* parent, const char* link, const Pose<Scalar>& pose) {
     --joint;
@@ -38,7 +38,19 @@ template <class Scalar, int Dof>
   mount("vehicle", "camera", mounts.camera);
   mount("end_effector", "tool", mounts.tool);
   mount("vehicle", "arm_base", mounts.arm);
-  return KinematicTree<Scalar, Dof + 6>(description);
+  return description;
+}
+
+}  // namespace detail
+
+/// A vehicle-manipulator with `Dof` joints and `Dof` + 6 columns. Its frames: "vehicle",
+/// "arm_base", "link1" …, "end_effector", "tool", "camera".
+/// @throws std::invalid_argument on a bad arm or mount. Allocates.
+template <class Scalar, int Dof>
+[[gnu::cold]] KinematicTree<Scalar, Dof + 6> uvms(const SerialArm<Scalar, Dof>& arm,
+                                                  const UvmsMounts<Scalar>& mounts = {}) {
+  using Tree = KinematicTree<Scalar, Dof + 6>;
+  return Tree(detail::uvms_description<Tree>(arm, mounts));
 }
 
 }  // namespace icat
