@@ -15,11 +15,8 @@
 #include "icat/control/base_compensation.hpp"
 #include "icat/control/base_state.hpp"
 #include "icat/control/controller.hpp"
-<<<<<<< HEAD
-#include "icat/control/grasp_detector.hpp"
-=======
 #include "icat/control/explain.hpp"
->>>>>>> explain
+#include "icat/control/grasp_detector.hpp"
 #include "icat/control/held_reference.hpp"
 #include "icat/control/low_pass.hpp"
 #include "icat/control/motion_limits.hpp"
