@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <icat/adapters/csv.hpp>
+#include <icat/adapters/json_text.hpp>
 #include <icat/control/controller.hpp>
 #include <icat/control/controller_log.hpp>
 #include <icat/control/parallel_controller.hpp>
@@ -11,6 +13,7 @@
 #include <icat/task/column_tasks.hpp>
 #include <icat/task/frame_tasks.hpp>
 #include <icat/task/joint_tasks.hpp>
+#include <sstream>
 
 #include "support/allocation_counter.hpp"
 
@@ -128,6 +131,31 @@ TEST(Log, TextsHoldUntilTheNextAndAreBounded) {
   small.event(NAN, "");
   EXPECT_EQ(small.text_count(), 1u);
   EXPECT_EQ(small.texts_lost(), 2u);
+}
+
+TEST(Csv, HasOneLineOfNamesAndEmptyCellsWhereNothingIsSet) {
+  Log log({.samples = 3});
+  const auto a = log.add("activation/joint limits; \"all\", always"),
+             p = log.add("tip", "m", LogKind::point);
+  (void)log.begin(0.1);
+  log.set(a, 1.0 / 3);
+  (void)log.begin(0.2);
+  log.set(p, 1, -2e-9, NAN);
+  std::ostringstream text;
+  ASSERT_TRUE(icat::write_csv(log, text));
+  EXPECT_EQ(text.str(),
+            "time,activation/joint_limits___all___always,tip/x,tip/y,tip/z\n"
+            "0.1,0.3333333333333333,,,\n"
+            "0.2,,1,-2e-09,\n");
+  EXPECT_FALSE(icat::write_csv(log, "/nowhere/at/all.csv"));
+}
+
+TEST(JsonText, EscapesWhatWouldEndAStringOrAScript) {
+  std::string json = "{";
+  icat::detail::json_member(json, "a\"\\\n\x01", "</script> ü");
+  icat::detail::json_member(json, "n", NAN);
+  icat::detail::json_member(json, "x", -0.1);
+  EXPECT_EQ(json + "}", R"({"a\"\\\u000a\u0001":"\u003c/script> ü","n":null,"x":-0.1})");
 }
 
 struct ControllerLogTest : ::testing::Test {
