@@ -5,6 +5,7 @@
 
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
+#include "../support/replay.hpp"
 #include "../support/support.hpp"
 #include "mission.hpp"
 
@@ -60,6 +61,38 @@ void write_scene(const std::string& folder, const grasp::Result& r) {
   add(end);
 }
 
+void add_to(support::Replay& replay, const NamedVariant& v, const grasp::Result& r) {
+  icat::ReplayRun& run = replay.add(v.name, v.title, r.samples.size());
+  icat::Log& log = replay.log(run);
+  support::UvmsLog robot(log, run, "", r.tasks, grasp::camera_mount(), "#d98a2b");
+  const auto position = log.add("error/tool position", "m"),
+             orientation = log.add("error/tool orientation", "rad");
+  run.plots.insert(run.plots.begin() + 1, {"Errors of the tool", {"error/"}, "m, rad", 0, 0, true});
+  const auto thing = [&](icat::ReplayForm form, const icat::Pose<double>& at,
+                         std::array<double, 3> size, const char* color, double opacity = 1) {
+    run.shapes.push_back(
+        {.form = form, .at = at, .size = size, .color = color, .opacity = opacity});
+  };
+  using icat::ReplayForm;
+  const double quarter = std::numbers::pi / 2;
+  thing(ReplayForm::ground, support::pose(grasp::pipe_centre + grasp::Vector3(0, 0, 0.06), 0, 0, 0),
+        {12, 0, 0}, "#ffffff");
+  thing(ReplayForm::cylinder, support::pose(grasp::pipe_centre, quarter, 0, grasp::heading),
+        {0.05, 2, 0}, "#b5651d");
+  thing(ReplayForm::axes, grasp::grasp_goal(), {0.25, 0, 0}, "");
+  thing(ReplayForm::axes, grasp::lift_goal(), {0.25, 0, 0}, "");
+  const auto companion = support::pose(grasp::companion, 0, 0, 0);
+  thing(ReplayForm::box, companion, {1.0, 0.6, 0.5}, "#7d8b99");
+  thing(ReplayForm::sphere, companion, {grasp::companion_distance, 0, 0}, "#d1495b", 0.12);
+  for (const auto& s : r.samples) {
+    (void)log.begin(s.t);
+    robot.record(s, s.activations);
+    log.set(position, s.position_error);
+    log.set(orientation, s.orientation_error);
+    log.phase(s.t, s.action);
+  }
+}
+
 bool draw(const std::string& folder, const char* title, const grasp::Result& r) {
   std::string activations, names, times;
   for (const auto& task : r.tasks) activations.append(column_name(task)).append(" ");
@@ -104,6 +137,7 @@ int main(int argc, char** argv) {
   const auto arguments = support::parse(
       argc, argv, "The reference mission: navigate, grasp a pipe, lift it.", "out/01_grasp", names);
 
+  support::Replay replay("A vehicle comes to a pipe, grasps it and lifts it", true);
   bool all_well = true, drawn = arguments.pictures;
   double without = 0, with = 0;
   for (const auto& v : variants) {
@@ -116,6 +150,7 @@ int main(int argc, char** argv) {
     const std::string folder = arguments.output + "/" + v.name;
     write_csv(folder, r);
     write_scene(folder, r);
+    add_to(replay, v, r);
     if (drawn) drawn = draw(folder, v.title, r);
   }
   if (with > 0 && without > 0) {
@@ -123,5 +158,7 @@ int main(int argc, char** argv) {
                 without / with);
   }
   std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
+  replay.show({"current", "compensated"});
+  replay.write(arguments.output, arguments.logs);
   return all_well ? 0 : 1;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Runs the cooperative mission in still water, in a current, and with one solver for both robots;
 // prints its figures beside the paper's, writes CSV and, where gnuplot is found, pictures.
+#include <algorithm>
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
@@ -8,6 +9,7 @@
 
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
+#include "../support/replay.hpp"
 #include "../support/support.hpp"
 #include "mission.hpp"
 
@@ -96,6 +98,58 @@ void write_scene(const fs::path& folder, const cooperation::Result& r) {
     for (const auto& robot : s.robots) support::draw_robot(strokes, robot);
     const cooperation::Vector3 end(1.7, 0, 0);
     strokes.add({s.object * -end, s.object * end});
+  }
+}
+
+void add_to(support::Replay& replay, const NamedVariant& v, const cooperation::Result& r) {
+  icat::ReplayRun& run = replay.add(v.name, v.title, r.samples.size());
+  icat::Log& log = replay.log(run);
+  std::vector<std::string> tasks;
+  for (std::string task : cooperation::task_names) {
+    std::replace(task.begin(), task.end(), '_', ' ');
+    tasks.push_back(task);
+  }
+  using icat::ReplayForm;
+  const auto camera = cooperation::camera_mount();
+  std::array robots{support::UvmsLog(log, run, "a/", tasks, camera, "#d98a2b"),
+                    support::UvmsLog(log, run, "b/", tasks, camera, "#3d8fb5")};
+  const auto object = log.add("object", "m", icat::LogKind::pose);
+  const auto position = log.add("error/object position", "m"),
+             orientation = log.add("error/object orientation", "rad"),
+             mismatch = log.add("error/mismatch of the tools", "m/s, rad/s"),
+             distance = log.add("distance/between the vehicles", "m");
+  run.plots.insert(run.plots.begin(),
+                   {"Errors of the object", {"error/"}, "m, rad, m/s", 0, 0, true});
+  run.plots.push_back({"Distance", {"distance/"}});
+  const auto along_x = support::pose({0, 0, 0}, 0, std::numbers::pi / 2, 0);
+  const auto pipe = [&](const char* frame, const icat::Pose<double>& at, double opacity) {
+    run.shapes.push_back({.form = ReplayForm::cylinder,
+                          .frame = frame,
+                          .at = at * along_x,
+                          .size = {0.05, 3.6, 0},
+                          .color = "#b5651d",
+                          .opacity = opacity});
+  };
+  pipe("object", cooperation::Pose::Identity(), 1);
+  pipe("", cooperation::pre_deployment, 0.2);
+  pipe("", cooperation::deployment, 0.2);
+  run.shapes.push_back({.form = ReplayForm::path, .frame = "object", .color = "#8a4b14"});
+  run.shapes.push_back(
+      {.form = ReplayForm::ground, .at = support::pose({1.5, 2.5, 3.06}, 0, 0, 0), .size = {14}});
+  bool grasped_before = false;
+  for (const auto& s : r.samples) {
+    (void)log.begin(s.t);
+    for (std::size_t i = 0; i < 2; ++i) robots[i].record(s.robots[i], s.robots[i].activations);
+    log.set(object, s.object);
+    log.set(position, s.position_error);
+    log.set(orientation, s.orientation_error);
+    if (s.grasped) log.set(mismatch, s.mismatch);
+    log.set(distance, s.distance);
+    log.phase(s.t, cooperation::phase_names[s.phase]);
+    if (s.grasped != grasped_before) {
+      log.event(s.t, s.grasped ? "both hold the pipe" : "both let go of the pipe");
+    }
+    grasped_before = s.grasped;
   }
 }
 
@@ -192,6 +246,7 @@ int main(int argc, char** argv) {
       "out/02_cooperative_mission", names);
 
   std::map<std::string, cooperation::Result> results;
+  support::Replay replay("Two vehicles grasp a pipe, carry it and set it down", true);
   bool all_well = true, drawn = arguments.pictures;
   for (const auto& v : variants) {
     if (!arguments.variant.empty() && arguments.variant != v.name) continue;
@@ -209,6 +264,7 @@ int main(int argc, char** argv) {
     const fs::path folder = fs::path(arguments.output) / v.name;
     write_csv(folder, r);
     write_scene(folder, r);
+    add_to(replay, v, r);
     if (drawn) drawn = draw(folder, v.title, r);
   }
   print_phases(results, false);
@@ -221,5 +277,7 @@ int main(int argc, char** argv) {
         results["current"].object_speed_error / results["compensated"].object_speed_error);
   }
   std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
+  replay.show({"current", "compensated"});
+  replay.write(arguments.output, arguments.logs);
   return all_well ? 0 : 1;
 }
