@@ -158,6 +158,7 @@ int main(int argc, char** argv) {
                 without / with);
   }
   std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
+  replay.look(-1.5, 0.3);
   replay.show({"current", "compensated"});
   replay.write(arguments.output, arguments.logs);
   return all_well ? 0 : 1;

@@ -277,6 +277,7 @@ int main(int argc, char** argv) {
         results["current"].object_speed_error / results["compensated"].object_speed_error);
   }
   std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
+  replay.look(-2.4, 0.4);
   replay.show({"current", "compensated"});
   replay.write(arguments.output, arguments.logs);
   return all_well ? 0 : 1;

@@ -8,6 +8,7 @@
 
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
+#include "../support/robot_replay.hpp"
 #include "../support/support.hpp"
 
 using Vector3 = icat::Vector3<double>;
@@ -40,6 +41,8 @@ int main(int argc, char** argv) {
                               {.solver = {.regularization = {.lambda = 0.01, .threshold = 0.05}}});
   //! [tasks]
 
+  support::Replay replay("An arm goes where it cannot: a singular wrist, out of reach");
+  support::RobotReplay view(replay, controller, {.frames = {"tool"}});
   support::Csv csv(arguments.output, "run.csv", "t,error,turn,mu,speed,step,height,reach");
   const Vector3 start = goal.translation();
   const double dt = 0.005;
@@ -56,6 +59,7 @@ int main(int argc, char** argv) {
     q += dt * controller.velocity();
     if (status == icat::Status::ok) status = robot.update(q);
 
+    view.record(t, goal.translation());
     dexterity.update();
     const double off = (goal.translation() - robot.pose(tool).translation()).norm();
     const double step = (controller.velocity() - last).norm();
@@ -73,5 +77,6 @@ int main(int argc, char** argv) {
       "back at its goal to %.1e mm; the largest change of a command in %.0f ms is %.3f rad/s\n",
       icat::describe(status), least, 1e3 * farthest, 1e3 * end, 1e3 * dt, worst_step);
   if (arguments.pictures) support::draw(arguments.output);
+  replay.write(arguments.output, arguments.logs);
   return status == icat::Status::ok && end < 1e-4 && farthest > 0.1 && worst_step < 0.1 ? 0 : 1;
 }

@@ -28,6 +28,11 @@ icat::Log& Replay::log(const icat::ReplayRun& run) {
                         [&](const auto& log) { return log.get() == run.log; });
 }
 
+void Replay::look(double azimuth, double elevation) {
+  options_.azimuth = azimuth;
+  options_.elevation = elevation;
+}
+
 void Replay::show(const std::vector<std::string>& names) {
   options_.shown.clear();
   for (const auto& name : names) {

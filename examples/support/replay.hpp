@@ -21,6 +21,8 @@ class Replay {
   icat::ReplayRun& add(const std::string& name, const std::string& title, std::size_t samples);
   /// Of a run of this object.
   icat::Log& log(const icat::ReplayRun& run);
+  /// From where one looks at first, see `icat::ReplayOptions`, rad.
+  void look(double azimuth, double elevation);
   /// Runs that are shown at first, where they exist.
   void show(const std::vector<std::string>& names);
   /// Writes replay.html to `folder`, and with `logs` a CSV and an MCAP file of each run. Says where

@@ -91,6 +91,16 @@ class Run {
     }
     return found;
   }
+  clear() {
+    this.times.length = this.texts.length = 0;
+    for (const column of this.columns) column.length = 0;
+  }
+  say(time, topic, words) {
+    const last = this.text(topic, Infinity);
+    if (topic !== "event" && last && last.words === words) return;
+    this.texts.push({ time, topic, words });
+    if (this.texts.length > 2000) this.texts.splice(0, 500);
+  }
   // A live frame: the time, then every column.
   append(frame, most) {
     this.times.push(frame[0]);

@@ -57,6 +57,7 @@ function build() {
   for (const c of columns) if (c.view.renderer) c.view.renderer.dispose();
   columns = [];
   for (const run of runs) if (shown.has(run.name)) columns.push(new Column(run));
+  $("columns").classList.toggle("single", columns.length === 1);
   resize();
 }
 function resize() {
@@ -140,26 +141,22 @@ window.onkeydown = (event) => {
 };
 build();
 
-// The loop sends frames; what it has to say in words comes as JSON.
+// From adapters/live.hpp.
 function connect() {
   const socket = new WebSocket(`ws://${location.host}/`);
   socket.binaryType = "arraybuffer";
   const run = runs[0];
   let fresh = false;
   socket.onmessage = ({ data }) => {
-    if (typeof data === "string") {
-      const [at, topic, words] = JSON.parse(data);
-      run.texts.push({ time: at, topic, words });
-      if (run.texts.length > 5000) run.texts.splice(0, 1000);
-    } else {
-      const frame = new Float64Array(data);
-      if (frame.length !== run.columns.length + 1) return;
-      if (frame[0] < run.end) { // the loop was started again
-        run.times.length = 0;
-        for (const column of run.columns) column.length = 0;
-      }
+    // How many frames, the frames, texts as JSON.
+    const width = run.columns.length + 1, count = new Float64Array(data, 0, 1)[0];
+    for (let i = 0; i < count; ++i) {
+      const frame = new Float64Array(data, 8 * (1 + i * width), width);
+      if (frame[0] < run.end) run.clear(); // the loop was started again
       run.append(frame, 20000);
     }
+    const texts = new TextDecoder().decode(new Uint8Array(data, 8 * (1 + count * width)));
+    for (const [at, topic, words] of JSON.parse(texts)) run.say(at, topic, words);
     if (fresh) return;
     fresh = true;
     requestAnimationFrame(() => {

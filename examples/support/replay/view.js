@@ -101,11 +101,7 @@ class View {
     const radius = shape.size[0];
     const group = new THREE.Group();
     group.add(new THREE.Mesh(new THREE.CylinderGeometry(radius, radius, 1, 20), material));
-    for (const end of [-1, 1]) {
-      const joint = new THREE.Mesh(new THREE.SphereGeometry(1.25 * radius, 20, 14), material);
-      joint.userData.end = end;
-      group.add(joint);
-    }
+    group.add(new THREE.Mesh(new THREE.SphereGeometry(1.25 * radius, 20, 14), material));
     return group;
   }
   make_path(shape) {
@@ -147,10 +143,10 @@ class View {
     if (length > 1e-9) {
       object.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), along.multiplyScalar(1 / length));
     }
-    const [bar, ...joints] = object.children;
+    const [bar, joint] = object.children;
     bar.visible = length > 1e-6;
     bar.scale.y = Math.max(length, 1e-6);
-    for (const joint of joints) joint.position.y = (joint.userData.end * length) / 2;
+    joint.position.y = -length / 2;
   }
   updatePath(shape, object, time) {
     const channel = this.run.channels.get(shape.frame);
@@ -196,7 +192,7 @@ class View {
     if (!isFinite(least[0])) return;
     const [x, y, z] = [0, 1, 2].map((k) => (least[k] + most[k]) / 2);
     orbit.target = zDown ? [x, -z, y] : [x, z, -y];
-    orbit.distance = 1.2 * Math.hypot(...[0, 1, 2].map((k) => most[k] - least[k])) + 0.3;
+    orbit.distance = 1.25 * Math.hypot(...[0, 1, 2].map((k) => most[k] - least[k])) + 0.3;
     orbit.set = true;
   }
   render() {

@@ -153,7 +153,7 @@ inline void replay_plot(std::string& to, const ReplayPlot& p) {
 }
 inline std::vector<ReplayPlot> default_plots() {
   return {{"Activations", {"activation/"}, "", -0.02, 1.02},
-          {"Rates that are asked for and not had", {"error/"}},
+          {"Rates that tasks ask for and do not get", {"error/"}},
           {"Velocities", {"velocity/"}, "rad/s, m/s"}};
 }
 
