@@ -146,7 +146,7 @@ function connect() {
   const socket = new WebSocket(`ws://${location.host}/`);
   socket.binaryType = "arraybuffer";
   const run = runs[0];
-  let fresh = false;
+  let fresh = false, pause = 0;
   socket.onmessage = ({ data }) => {
     // How many frames, the frames, texts as JSON.
     const width = run.columns.length + 1, count = new Float64Array(data, 0, 1)[0];
@@ -159,12 +159,15 @@ function connect() {
     for (const [at, topic, words] of JSON.parse(texts)) run.say(at, topic, words);
     if (fresh) return;
     fresh = true;
-    requestAnimationFrame(() => {
+    // As often as this machine can draw: a third of its time, at most 20 times a second.
+    setTimeout(() => {
+      const start = performance.now();
       fresh = false;
       if (!orbit.set && columns[0].view.renderer) columns[0].view.frameAll(page.zDown);
       if (follow) time = run.end;
       resize();
-    });
+      pause = Math.max(50, 2 * (performance.now() - start));
+    }, pause);
   };
   socket.onclose = () => setTimeout(connect, 1000);
 }

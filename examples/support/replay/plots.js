@@ -69,23 +69,26 @@ class Plot {
     for (const line of this.lines) {
       if (!line.on) continue;
       for (const v of line.channel.columns[0]) {
-        if (isNaN(v)) continue;
+        if (!isFinite(v)) continue;
         least = Math.min(least, this.y(v));
         most = Math.max(most, this.y(v));
       }
     }
     if (!(least <= most)) return [0, 1];
     if (this.plot.log) least = Math.max(least, most - 8);
-    const edge = (most - least) * 0.05 || 0.1;
+    // What is nearly constant is drawn as a straight line, not as its rounding.
+    const smallest = Math.max(1e-6, 1e-5 * Math.max(Math.abs(least), Math.abs(most)));
+    const edge = most - least > smallest ? (most - least) * 0.05 : smallest;
     return [least - edge, most + edge];
   }
   // The lines, which the cursor is drawn over.
   draw() {
     const ratio = Math.min(window.devicePixelRatio || 1, 2);
     const width = this.canvas.clientWidth, height = this.canvas.clientHeight;
-    this.canvas.width = width * ratio;
-    this.canvas.height = height * ratio;
-    const g = this.canvas.getContext("2d");
+    const drawn = document.createElement("canvas");
+    drawn.width = this.canvas.width = Math.max(1, width * ratio);
+    drawn.height = this.canvas.height = Math.max(1, height * ratio);
+    const g = drawn.getContext("2d");
     g.scale(ratio, ratio);
     const [least, most] = this.scale;
     const bottom = height - 16, top = 5;
@@ -108,14 +111,14 @@ class Plot {
       for (let e = Math.ceil(least); e <= most; e += step) rule(e, e === 0 ? "1" : `1e${e}`);
     } else {
       const step = nice((most - least) / 4);
-      for (let v = Math.ceil(least / step) * step; v <= most + 1e-9; v += step) {
-        rule(v, String(+v.toPrecision(6)));
+      for (let k = Math.ceil(least / step); k * step <= most; ++k) {
+        rule(k * step, String(+(k * step).toPrecision(6)));
       }
     }
     g.textAlign = "center";
     const step = nice((this.end - this.begin) / 7);
-    for (let t = Math.ceil(this.begin / step) * step; t <= this.end; t += step) {
-      g.fillText(String(+t.toPrecision(6)), x(t), height - 3);
+    for (let k = Math.ceil(this.begin / step); k * step <= this.end; ++k) {
+      g.fillText(String(+(k * step).toPrecision(6)), x(k * step), height - 3);
     }
     for (const t of this.run.texts) { // phases begin
       if (t.topic !== "phase") continue;
@@ -139,7 +142,7 @@ class Plot {
       let down = false;
       const values = line.channel.columns[0];
       for (let i = 0; i < this.run.times.length; ++i) {
-        if (isNaN(values[i])) {
+        if (!isFinite(values[i])) {
           down = false;
           continue;
         }
@@ -151,7 +154,8 @@ class Plot {
       g.stroke();
     }
     g.restore();
-    this.drawn = g.getImageData(0, 0, this.canvas.width, this.canvas.height);
+    this.drawn = drawn;
+    this.ratio = ratio;
     this.x = x;
   }
   update(time) {
@@ -162,7 +166,10 @@ class Plot {
       this.draw();
     }
     const g = this.canvas.getContext("2d");
-    g.putImageData(this.drawn, 0, 0);
+    g.setTransform(1, 0, 0, 1, 0, 0);
+    g.clearRect(0, 0, this.canvas.width, this.canvas.height);
+    g.drawImage(this.drawn, 0, 0);
+    g.scale(this.ratio, this.ratio);
     g.strokeStyle = "#1c2733";
     g.lineWidth = 1;
     g.beginPath();
