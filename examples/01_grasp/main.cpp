@@ -62,31 +62,21 @@ void write_scene(const std::string& folder, const grasp::Result& r) {
 }
 
 void add_to(support::Replay& replay, const NamedVariant& v, const grasp::Result& r) {
-  icat::ReplayRun& run = replay.add(v.name, v.title, r.samples.size());
-  icat::Log& log = replay.log(run);
-  support::UvmsLog robot(log, run, "", r.tasks, grasp::camera_mount(), "#d98a2b");
+  support::UvmsRun run(replay, v.name, v.title, r.samples.size());
+  icat::Log& log = run.log();
   const auto position = log.add("error/tool position", "m"),
              orientation = log.add("error/tool orientation", "rad");
-  run.plots.insert(run.plots.begin() + 1, {"Errors of the tool", {"error/"}, "m, rad", 0, 0, true});
-  const auto thing = [&](icat::ReplayForm form, const icat::Pose<double>& at,
-                         std::array<double, 3> size, const char* color, double opacity = 1) {
-    run.shapes.push_back(
-        {.form = form, .at = at, .size = size, .color = color, .opacity = opacity});
-  };
-  using icat::ReplayForm;
-  const double quarter = std::numbers::pi / 2;
-  thing(ReplayForm::ground, support::pose(grasp::pipe_centre + grasp::Vector3(0, 0, 0.06), 0, 0, 0),
-        {12, 0, 0}, "#ffffff");
-  thing(ReplayForm::cylinder, support::pose(grasp::pipe_centre, quarter, 0, grasp::heading),
-        {0.05, 2, 0}, "#b5651d");
-  thing(ReplayForm::axes, grasp::grasp_goal(), {0.25, 0, 0}, "");
-  thing(ReplayForm::axes, grasp::lift_goal(), {0.25, 0, 0}, "");
-  const auto companion = support::pose(grasp::companion, 0, 0, 0);
-  thing(ReplayForm::box, companion, {1.0, 0.6, 0.5}, "#7d8b99");
-  thing(ReplayForm::sphere, companion, {grasp::companion_distance, 0, 0}, "#d1495b", 0.12);
+  run.add_plot("Errors of the tool", "error/", "m, rad", true);
+  run.add_robot("", r.tasks, grasp::camera_mount(), "#d98a2b");
+  run.add_ground(grasp::pipe_centre.x(), grasp::pipe_centre.y(), grasp::pipe_centre.z() + 0.06);
+  run.add_pipe("", support::pose(grasp::pipe_centre, 0, 0, grasp::heading + std::numbers::pi / 2),
+               2, 1);
+  run.add_goal(grasp::grasp_goal());
+  run.add_goal(grasp::lift_goal());
+  run.add_vehicle(support::pose(grasp::companion, 0, 0, 0), grasp::companion_distance);
   for (const auto& s : r.samples) {
-    (void)log.begin(s.t);
-    robot.record(s, s.activations);
+    if (!log.begin(s.t)) continue;
+    run.record(0, s, s.activations.data());
     log.set(position, s.position_error);
     log.set(orientation, s.orientation_error);
     log.phase(s.t, s.action);
@@ -159,7 +149,7 @@ int main(int argc, char** argv) {
   }
   std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
   replay.look(-1.5, 0.3);
-  replay.show({"current", "compensated"});
+  replay.show("current", "compensated");
   replay.write(arguments.output, arguments.logs);
   return all_well ? 0 : 1;
 }

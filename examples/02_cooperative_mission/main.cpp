@@ -102,54 +102,36 @@ void write_scene(const fs::path& folder, const cooperation::Result& r) {
 }
 
 void add_to(support::Replay& replay, const NamedVariant& v, const cooperation::Result& r) {
-  icat::ReplayRun& run = replay.add(v.name, v.title, r.samples.size());
-  icat::Log& log = replay.log(run);
-  std::vector<std::string> tasks;
-  for (std::string task : cooperation::task_names) {
-    std::replace(task.begin(), task.end(), '_', ' ');
-    tasks.push_back(task);
-  }
-  using icat::ReplayForm;
-  const auto camera = cooperation::camera_mount();
-  std::array robots{support::UvmsLog(log, run, "a/", tasks, camera, "#d98a2b"),
-                    support::UvmsLog(log, run, "b/", tasks, camera, "#3d8fb5")};
-  const auto object = log.add("object", "m", icat::LogKind::pose);
-  const auto position = log.add("error/object position", "m"),
+  support::UvmsRun run(replay, v.name, v.title, r.samples.size());
+  icat::Log& log = run.log();
+  std::vector<std::string> tasks(cooperation::task_names.begin(), cooperation::task_names.end());
+  for (std::string& task : tasks) std::replace(task.begin(), task.end(), '_', ' ');
+  const auto object = log.add("object", "m", icat::LogKind::pose),
+             position = log.add("error/object position", "m"),
              orientation = log.add("error/object orientation", "rad"),
              mismatch = log.add("error/mismatch of the tools", "m/s, rad/s"),
              distance = log.add("distance/between the vehicles", "m");
-  run.plots.insert(run.plots.begin(),
-                   {"Errors of the object", {"error/"}, "m, rad, m/s", 0, 0, true});
-  run.plots.push_back({"Distance", {"distance/"}});
-  const auto along_x = support::pose({0, 0, 0}, 0, std::numbers::pi / 2, 0);
-  const auto pipe = [&](const char* frame, const icat::Pose<double>& at, double opacity) {
-    run.shapes.push_back({.form = ReplayForm::cylinder,
-                          .frame = frame,
-                          .at = at * along_x,
-                          .size = {0.05, 3.6, 0},
-                          .color = "#b5651d",
-                          .opacity = opacity});
-  };
-  pipe("object", cooperation::Pose::Identity(), 1);
-  pipe("", cooperation::pre_deployment, 0.2);
-  pipe("", cooperation::deployment, 0.2);
-  run.shapes.push_back({.form = ReplayForm::path, .frame = "object", .color = "#8a4b14"});
-  run.shapes.push_back(
-      {.form = ReplayForm::ground, .at = support::pose({1.5, 2.5, 3.06}, 0, 0, 0), .size = {14}});
-  bool grasped_before = false;
+  run.add_plot("Errors of the object", "error/", "m, rad, m/s", true);
+  run.add_robot("a/", tasks, cooperation::camera_mount(), "#d98a2b");
+  run.add_robot("b/", tasks, cooperation::camera_mount(), "#3d8fb5");
+  run.add_plot("Distance", "distance/", "", false);
+  run.add_pipe("object", cooperation::Pose::Identity(), 3.6, 1);
+  run.add_pipe("", cooperation::pre_deployment, 3.6, 0.2);
+  run.add_pipe("", cooperation::deployment, 3.6, 0.2);
+  run.add_path("object");
+  run.add_ground(1.5, 2.5, 3.06);
+  bool held = false;
   for (const auto& s : r.samples) {
-    (void)log.begin(s.t);
-    for (std::size_t i = 0; i < 2; ++i) robots[i].record(s.robots[i], s.robots[i].activations);
+    if (!log.begin(s.t)) continue;
+    for (std::size_t i = 0; i < 2; ++i) run.record(i, s.robots[i], s.robots[i].activations.data());
     log.set(object, s.object);
     log.set(position, s.position_error);
     log.set(orientation, s.orientation_error);
     if (s.grasped) log.set(mismatch, s.mismatch);
     log.set(distance, s.distance);
     log.phase(s.t, cooperation::phase_names[s.phase]);
-    if (s.grasped != grasped_before) {
-      log.event(s.t, s.grasped ? "both hold the pipe" : "both let go of the pipe");
-    }
-    grasped_before = s.grasped;
+    if (s.grasped != held) log.event(s.t, held ? "both let go of the pipe" : "both hold the pipe");
+    held = s.grasped;
   }
 }
 
@@ -278,7 +260,7 @@ int main(int argc, char** argv) {
   }
   std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
   replay.look(-2.4, 0.4);
-  replay.show({"current", "compensated"});
+  replay.show("current", "compensated");
   replay.write(arguments.output, arguments.logs);
   return all_well ? 0 : 1;
 }

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <icat/adapters/replay_scene.hpp>
 #include <icat/control/controller_log.hpp>
 #if __has_include(<icat/control/explain.hpp>)
 #include <icat/control/explain.hpp>
@@ -31,7 +32,7 @@ class RobotReplay {
  public:
   RobotReplay(Replay& replay, const Controller& controller, const RobotReplayOptions& options)
       : run_(replay.add(options.name, options.title, options.samples)),
-        log_(replay.log(run_)),
+        log_(replay.log()),
         controller_(controller),
         recorder_(log_, controller, {.frames = options.frames})
 #ifdef SUPPORT_EXPLAINS
