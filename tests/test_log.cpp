@@ -5,6 +5,7 @@
 #include <cmath>
 #include <icat/adapters/csv.hpp>
 #include <icat/adapters/json_text.hpp>
+#include <icat/adapters/mcap.hpp>
 #include <icat/control/controller.hpp>
 #include <icat/control/controller_log.hpp>
 #include <icat/control/parallel_controller.hpp>
@@ -156,6 +157,39 @@ TEST(JsonText, EscapesWhatWouldEndAStringOrAScript) {
   icat::detail::json_member(json, "n", NAN);
   icat::detail::json_member(json, "x", -0.1);
   EXPECT_EQ(json + "}", R"({"a\"\\\u000a\u0001":"\u003c/script> ü","n":null,"x":-0.1})");
+}
+
+TEST(Log, OfAControlLoop) {
+  auto robot = icat::uvms(icat::maris_arm<double>());
+  ASSERT_EQ(robot.update(icat::Vector<double, 7>::Constant(-0.4), icat::Pose<double>::Identity()),
+            icat::Status::ok);
+  icat::Pose<double> goal = robot.pose(robot.frame("tool"));
+  icat::task::FramePose reach(robot, robot.frame("tool"), goal, {.name = "reach"});
+  icat::Controller controller(robot, {{"reach", {{reach}}}});
+  //! [log]
+  icat::Log log({.samples = 6000, .full = icat::LogFull::newest});  // the last minute
+  icat::ControllerLog recorder(log, controller, {.frames = {"tool"}});
+  const auto battery = log.add("battery/voltage", "V");
+  //! [log]
+  icat::Status status = controller.start("reach", 0);
+  for (double t = 0.01; t < 0.1 && status == icat::Status::ok; t += 0.01) {
+    const double volts = 24 - t;
+    //! [loop]
+    status = controller.step(t);
+    if (log.begin(t)) {  // a sample of this cycle
+      recorder.record();
+      log.set(battery, volts);
+    }
+    if (status != icat::Status::ok) log.event(t, icat::describe(status));
+    //! [loop]
+  }
+  EXPECT_EQ(log.size(), 9u);
+  const std::string folder = ::testing::TempDir();
+  //! [files]
+  const bool written = icat::write_csv(log, folder + "/run.csv") &&  // adapters/csv.hpp
+                       icat::write_mcap(log, folder + "/run.mcap");  // adapters/mcap.hpp
+  //! [files]
+  EXPECT_TRUE(written);
 }
 
 struct ControllerLogTest : ::testing::Test {

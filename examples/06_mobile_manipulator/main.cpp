@@ -64,10 +64,12 @@ int main(int argc, char** argv) {
       robot, {{"paint", {{limits}, {dexterity}, {position}, {normal}, {still_base}}}});
   //! [tasks]
 
+  //! [replay]
   support::Replay replay("A mobile manipulator paints a bent wall");
   support::RobotReplay view(
       replay, controller,
       {.frames = {"link6"}, .base = {0.7, 0.5, 0.4}, .base_at = {0, 0, 0.25}, .samples = 4100});
+  //! [replay]
   support::Csv csv(arguments.output, "run.csv",
                    "t,tool_x,tool_y,tool_z,base_x,base_y,yaw,error,tilt,surge,yaw_rate,mu");
   const double dt = 0.01, end = 40;

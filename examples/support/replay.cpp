@@ -129,8 +129,8 @@ void UvmsRun::add_robot(const char* name, const std::vector<std::string>& tasks,
   for (int j = 1; j <= 7; ++j) {
     robot.velocity.push_back(log.add(prefix + "joint velocity/q" + std::to_string(j), "rad/s"));
   }
-  for (const char* name : {"surge", "sway", "heave", "roll rate", "pitch rate", "yaw rate"}) {
-    robot.velocity.push_back(log.add(prefix + "vehicle velocity/" + name, "m/s, rad/s"));
+  for (const char* axis : {"surge", "sway", "heave", "roll rate", "pitch rate", "yaw rate"}) {
+    robot.velocity.push_back(log.add(prefix + "vehicle velocity/" + axis, "m/s, rad/s"));
   }
   robot.vehicle = log.add(prefix + "vehicle", "m", icat::LogKind::pose);
   robot.tool = log.add(prefix + "tool", "m", icat::LogKind::pose);
@@ -139,8 +139,8 @@ void UvmsRun::add_robot(const char* name, const std::vector<std::string>& tasks,
   }
   for (const auto& task : tasks)
     robot.activations.push_back(log.add(prefix + "activation/" + task));
-  for (const char* name : {"joint margin", "manipulability", "attitude", "camera centering"}) {
-    robot.state.push_back(log.add(prefix + "state/" + name));
+  for (const char* what : {"joint margin", "manipulability", "attitude", "camera centering"}) {
+    robot.state.push_back(log.add(prefix + "state/" + what));
   }
 
   auto& shapes = run_.shapes;

@@ -26,9 +26,11 @@ class Loop {
     icat::ReplayRun run{.name = "live", .title = "", .log = &log};
     run.shapes = {{.form = icat::ReplayForm::box, .frame = "frame/base", .size = {1, 0.6, 0.7}},
                   {.form = icat::ReplayForm::axes, .frame = "frame/tool", .size = {0.2, 0, 0}}};
+    //! [live]
     live_.emplace(icat::ReplayFiles{.folder = ICAT_REPLAY_FOLDER, .three = ICAT_THREE_JS}, run,
                   icat::ReplayOptions{.title = "a loop", .z_down = true},
                   icat::LiveOptions{.port = 0});
+    //! [live]
   }
   /// A cycle at `t`, s.
   void cycle(double t) {
@@ -42,7 +44,9 @@ class Loop {
     (void)log_.begin(t);
     recorder_.record();
     for (const auto& c : extra_) log_.set(c, t);
+    //! [publish]
     live().publish();
+    //! [publish]
     if (static_cast<long>(t * 100) % 100 == 0) live().text(icat::LogTopic::event, t, "a second");
   }
   bool ok() const { return ok_; }
