@@ -172,7 +172,8 @@ TEST(Log, OfAControlLoop) {
   const auto battery = log.add("battery/voltage", "V");
   //! [log]
   icat::Status status = controller.start("reach", 0);
-  for (double t = 0.01; t < 0.1 && status == icat::Status::ok; t += 0.01) {
+  for (int k = 1; k < 10 && status == icat::Status::ok; ++k) {
+    const double t = 0.01 * k;
     const double volts = 24 - t;
     //! [loop]
     status = controller.step(t);
