@@ -113,7 +113,7 @@ class RobotReplay {
     if (t < next_explanation_) return;
     next_explanation_ = t + 0.25;  // s: as often as a person reads
     explainer_.update();
-    log_.explain(t, explainer_.sentence());
+    log_.explain(t, explainer_.conclusion());
 #endif
   }
   /// The same with the place where the first frame shall be, m.

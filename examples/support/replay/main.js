@@ -19,7 +19,7 @@ class Column {
       <div class="card view"><div class="caption"><h2></h2><div class="phase"></div></div></div>
       <div class="card words"></div><div class="plots"></div></article>`);
     this.element = $("columns").lastElementChild;
-    this.element.querySelector("h2").textContent = run.title || run.name;
+    this.element.querySelector("h2").textContent = run.title || (runs.length > 1 ? run.name : "");
     this.phase = this.element.querySelector(".phase");
     this.words = this.element.querySelector(".words");
     this.view = new View(this.element.querySelector(".view"), run, page.zDown, () => {

@@ -135,17 +135,14 @@ class View {
   }
   updateBone(shape, object, time) {
     const from = this.run.pose(shape.frame, time), to = this.run.pose(shape.to, time);
-    object.visible = Boolean(from && to);
+    object.visible = Boolean(from && to) && Math.hypot(...from.p.map((x, k) => x - to.p[k])) > 1e-6;
     if (!object.visible) return;
     const a = new THREE.Vector3(...from.p), b = new THREE.Vector3(...to.p);
     const along = b.clone().sub(a), length = along.length();
     object.position.copy(a.add(b).multiplyScalar(0.5));
-    if (length > 1e-9) {
-      object.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), along.multiplyScalar(1 / length));
-    }
+    object.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), along.multiplyScalar(1 / length));
     const [bar, joint] = object.children;
-    bar.visible = length > 1e-6;
-    bar.scale.y = Math.max(length, 1e-6);
+    bar.scale.y = length;
     joint.position.y = -length / 2;
   }
   updatePath(shape, object, time) {

@@ -199,12 +199,14 @@ class LiveClient : public std::enable_shared_from_this<LiveClient> {
 /// until this object ends.
 class Live {
  public:
-  /// Opens the port and starts the thread. The log needs its channels, no samples; one or two of
+  /// Opens the port and starts the thread. The log has its channels by then, those
+  /// that come later are not sent; one or two of
   /// them with `LogFull::newest` are enough.
   /// @throws std::invalid_argument where a file of the page cannot be read, or the port not be had.
   [[gnu::cold]] Live(const ReplayFiles& files, ReplayRun run, ReplayOptions page = {},
                      const LiveOptions& options = {})
       : log_(*run.log),
+        channels_(run.log->channel_count()),
         clients_most_(options.clients),
         page_(detail::replay_page(files, detail::replay_data({run}, page, true))),
         frames_(options.frames, std::vector<double>(width(log_) + 1)),
@@ -246,7 +248,7 @@ class Live {
     const std::size_t newest = log_.size() - 1;
     double* to = frame->data();
     *to++ = log_.time(newest);
-    for (std::size_t c = 0; c < log_.channel_count(); ++c) {
+    for (std::size_t c = 0; c < channels_; ++c) {
       const std::size_t n = Log::width(log_.kind(c));
       std::memcpy(to, log_.values(c, newest), n * sizeof(double));
       to += n;
@@ -342,6 +344,7 @@ class Live {
   }
 
   const Log& log_;
+  std::size_t channels_;  // that a frame has: those of the construction
   std::size_t clients_most_;
   std::string page_;
   detail::Ring<std::vector<double>> frames_;

@@ -133,7 +133,8 @@ TEST(Live, AFullRingLosesFramesAndCountsThem) {
   const auto a = log.add("a");
   icat::Live live({.folder = ICAT_REPLAY_FOLDER}, {.name = "live", .title = "", .log = &log}, {},
                   {.port = 0, .frames = 3});
-  live.publish();  // no sample yet
+  live.publish();    // no sample yet
+  log.add("later");  // is not sent, and has no place in the frames
   for (int k = 0; k < 1000; ++k) {
     (void)log.begin(k);
     log.set(a, k);
