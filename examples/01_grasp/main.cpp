@@ -5,6 +5,7 @@
 
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
+#include "../support/replay.hpp"
 #include "../support/support.hpp"
 #include "mission.hpp"
 
@@ -60,6 +61,28 @@ void write_scene(const std::string& folder, const grasp::Result& r) {
   add(end);
 }
 
+void add_to(support::Replay& replay, const NamedVariant& v, const grasp::Result& r) {
+  support::UvmsRun run(replay, v.name, v.title, r.samples.size());
+  icat::Log& log = run.log();
+  const auto position = log.add("error/tool position", "m"),
+             orientation = log.add("error/tool orientation", "rad");
+  run.add_plot("Errors of the tool", "error/", "m, rad", true);
+  run.add_robot("", r.tasks, grasp::camera_mount(), "#d98a2b");
+  run.add_ground(grasp::pipe_centre.x(), grasp::pipe_centre.y(), grasp::pipe_centre.z() + 0.06);
+  run.add_pipe("", support::pose(grasp::pipe_centre, 0, 0, grasp::heading + std::numbers::pi / 2),
+               2, 1);
+  run.add_goal(grasp::grasp_goal());
+  run.add_goal(grasp::lift_goal());
+  run.add_vehicle(support::pose(grasp::companion, 0, 0, 0), grasp::companion_distance);
+  for (const auto& s : r.samples) {
+    if (!log.begin(s.t)) continue;
+    run.record(0, s, s.activations.data());
+    log.set(position, s.position_error);
+    log.set(orientation, s.orientation_error);
+    log.phase(s.t, s.action);
+  }
+}
+
 bool draw(const std::string& folder, const char* title, const grasp::Result& r) {
   std::string activations, names, times;
   for (const auto& task : r.tasks) activations.append(column_name(task)).append(" ");
@@ -104,6 +127,7 @@ int main(int argc, char** argv) {
   const auto arguments = support::parse(
       argc, argv, "The reference mission: navigate, grasp a pipe, lift it.", "out/01_grasp", names);
 
+  support::Replay replay("A vehicle comes to a pipe, grasps it and lifts it", true);
   bool all_well = true, drawn = arguments.pictures;
   double without = 0, with = 0;
   for (const auto& v : variants) {
@@ -116,6 +140,7 @@ int main(int argc, char** argv) {
     const std::string folder = arguments.output + "/" + v.name;
     write_csv(folder, r);
     write_scene(folder, r);
+    add_to(replay, v, r);
     if (drawn) drawn = draw(folder, v.title, r);
   }
   if (with > 0 && without > 0) {
@@ -123,5 +148,8 @@ int main(int argc, char** argv) {
                 without / with);
   }
   std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
+  replay.look(-1.5, 0.3);
+  replay.show("current", "compensated");
+  replay.write(arguments.output, arguments.logs);
   return all_well ? 0 : 1;
 }

@@ -52,11 +52,14 @@ inline Pose hover_goal() {
   return support::moved(pose(pipe_centre, 0, 0, heading), {-0.65, -0.1, -1.6});
 }
 
+/// Of ⟨c⟩ on the vehicle: it looks down.
+inline Pose camera_mount() { return pose({0.45, 0, 0.35}, 0, 0, 0); }
+
 inline Robot make_robot() {
   return icat::uvms(icat::maris_arm<double>(),
                     {.arm = icat::maris_arm_mount<double>(),
-                     .camera = pose({0.45, 0, 0.35}, 0, 0, 0),  // looks down
-                     .tool = pose({0, 0, 0.1}, 0, 0, 0)});      // the gripper
+                     .camera = camera_mount(),
+                     .tool = pose({0, 0, 0.1}, 0, 0, 0)});  // the gripper
 }
 
 // --- what is recorded ----------------------------------------------------------------------------

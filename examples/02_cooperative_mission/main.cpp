@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Runs the cooperative mission in still water, in a current, and with one solver for both robots;
 // prints its figures beside the paper's, writes CSV and, where gnuplot is found, pictures.
+#include <algorithm>
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
@@ -8,6 +9,7 @@
 
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
+#include "../support/replay.hpp"
 #include "../support/support.hpp"
 #include "mission.hpp"
 
@@ -96,6 +98,40 @@ void write_scene(const fs::path& folder, const cooperation::Result& r) {
     for (const auto& robot : s.robots) support::draw_robot(strokes, robot);
     const cooperation::Vector3 end(1.7, 0, 0);
     strokes.add({s.object * -end, s.object * end});
+  }
+}
+
+void add_to(support::Replay& replay, const NamedVariant& v, const cooperation::Result& r) {
+  support::UvmsRun run(replay, v.name, v.title, r.samples.size());
+  icat::Log& log = run.log();
+  std::vector<std::string> tasks(cooperation::task_names.begin(), cooperation::task_names.end());
+  for (std::string& task : tasks) std::replace(task.begin(), task.end(), '_', ' ');
+  const auto object = log.add("object", "m", icat::LogKind::pose),
+             position = log.add("error/object position", "m"),
+             orientation = log.add("error/object orientation", "rad"),
+             mismatch = log.add("error/mismatch of the tools", "m/s, rad/s"),
+             distance = log.add("distance/between the vehicles", "m");
+  run.add_plot("Errors of the object", "error/", "m, rad, m/s", true);
+  run.add_robot("a/", tasks, cooperation::camera_mount(), "#d98a2b");
+  run.add_robot("b/", tasks, cooperation::camera_mount(), "#3d8fb5");
+  run.add_plot("Distance", "distance/", "", false);
+  run.add_pipe("object", cooperation::Pose::Identity(), 3.6, 1);
+  run.add_pipe("", cooperation::pre_deployment, 3.6, 0.2);
+  run.add_pipe("", cooperation::deployment, 3.6, 0.2);
+  run.add_path("object");
+  run.add_ground(1.5, 2.5, 3.06);
+  bool held = false;
+  for (const auto& s : r.samples) {
+    if (!log.begin(s.t)) continue;
+    for (std::size_t i = 0; i < 2; ++i) run.record(i, s.robots[i], s.robots[i].activations.data());
+    log.set(object, s.object);
+    log.set(position, s.position_error);
+    log.set(orientation, s.orientation_error);
+    if (s.grasped) log.set(mismatch, s.mismatch);
+    log.set(distance, s.distance);
+    log.phase(s.t, cooperation::phase_names[s.phase]);
+    if (s.grasped != held) log.event(s.t, held ? "both let go of the pipe" : "both hold the pipe");
+    held = s.grasped;
   }
 }
 
@@ -192,6 +228,7 @@ int main(int argc, char** argv) {
       "out/02_cooperative_mission", names);
 
   std::map<std::string, cooperation::Result> results;
+  support::Replay replay("Two vehicles grasp a pipe, carry it and set it down", true);
   bool all_well = true, drawn = arguments.pictures;
   for (const auto& v : variants) {
     if (!arguments.variant.empty() && arguments.variant != v.name) continue;
@@ -209,6 +246,7 @@ int main(int argc, char** argv) {
     const fs::path folder = fs::path(arguments.output) / v.name;
     write_csv(folder, r);
     write_scene(folder, r);
+    add_to(replay, v, r);
     if (drawn) drawn = draw(folder, v.title, r);
   }
   print_phases(results, false);
@@ -221,5 +259,8 @@ int main(int argc, char** argv) {
         results["current"].object_speed_error / results["compensated"].object_speed_error);
   }
   std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
+  replay.look(-2.4, 0.4);
+  replay.show("current", "compensated");
+  replay.write(arguments.output, arguments.logs);
   return all_well ? 0 : 1;
 }

@@ -84,11 +84,13 @@ inline icat::Controller<Robot>::Options controller_options() {
           .characteristic_length = 1};  // rows as in the paper
 }
 
+/// Of ⟨c⟩ on the vehicle: it looks down and ahead.
+inline Pose camera_mount() { return pose({0.45, 0, 0.35}, 0, 0.15, 0); }
+
 inline Robot make_robot() {
-  Robot robot = icat::uvms(icat::maris_arm<double>(),
-                           {.arm = icat::maris_arm_mount<double>(),
-                            .camera = pose({0.45, 0, 0.35}, 0, 0.15, 0),  // looks down and ahead
-                            .tool = pose({0, 0, 0.1}, 0, 0, 0)});
+  Robot robot = icat::uvms(icat::maris_arm<double>(), {.arm = icat::maris_arm_mount<double>(),
+                                                       .camera = camera_mount(),
+                                                       .tool = pose({0, 0, 0.1}, 0, 0, 0)});
   robot.add_frame("gripper", robot.frame("tool"), Pose::Identity());
   return robot;
 }

@@ -11,6 +11,7 @@
 namespace arm {
 
 using Robot = icat::KinematicTree<double>;
+using Controller = icat::Controller<Robot>;
 using Vector3 = icat::Vector3<double>;
 using Objective = icat::Objective<double>;
 
@@ -28,6 +29,7 @@ struct Cycle {
   Vector3 goal, tool;
   double turn, manipulability;  ///< left of the orientation, rad; m³
   const Eigen::VectorXd& velocity;
+  const Controller& controller;
 };
 
 /// 60 s along the line; `observe(cycle)` at the end of each.
@@ -48,8 +50,8 @@ icat::Status run(const std::string& urdf, Observe observe) {
                                            {.gain = 2, .max_rate = 0.5});
   // The more an arm is regularized, the slower its joints where it is stretched, and the farther it
   // is off there. At most 1 / (2 sqrt(0.01)) = 5 rad/s for each m/s of the tool.
-  icat::Controller controller(robot, {{"follow", {{limits}, {position}, {orientation}}}},
-                              {.solver = {.regularization = {.lambda = 0.01, .threshold = 0.05}}});
+  Controller controller(robot, {{"follow", {{limits}, {position}, {orientation}}}},
+                        {.solver = {.regularization = {.lambda = 0.01, .threshold = 0.05}}});
   //! [tasks]
 
   icat::KinematicPlant<Robot> plant(robot, {.q = q});
@@ -70,7 +72,8 @@ icat::Status run(const std::string& urdf, Observe observe) {
     if (status == icat::Status::ok) status = back_end.write(t, controller.command());
     dexterity.update();
     observe(Cycle{t, robot, goal.translation(), robot.pose(tool).translation(),
-                  orientation.reference().norm() / 2, dexterity.value(), controller.velocity()});
+                  orientation.reference().norm() / 2, dexterity.value(), controller.velocity(),
+                  controller});
   }
   return status;
 }

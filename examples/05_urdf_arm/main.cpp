@@ -3,20 +3,27 @@
 // align), then out of the workspace and back. Nothing stops and nothing jumps: what cannot be had
 // is approached as far as it goes.
 #include <cstdio>
+#include <optional>
 
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
+#include "../support/robot_replay.hpp"
 #include "../support/support.hpp"
 #include "arm.hpp"
 
 int main(int argc, char** argv) {
   const auto arguments =
       support::parse(argc, argv, "An arm from a URDF goes where it cannot.", "out/05_urdf_arm");
+  support::Replay replay("An arm goes where it cannot: a singular wrist, out of reach");
+  std::optional<support::RobotReplay<arm::Controller>> view;
   support::Csv csv(arguments.output, "run.csv", "t,error,turn,mu,speed,step,height,reach");
   double worst_step = 0, farthest = 0, least = 1, end = 1;
   Eigen::VectorXd last = Eigen::VectorXd::Zero(6);
   const icat::Status status =
       arm::run(ICAT_EXAMPLE_FOLDER "/arm.urdf", [&](const arm::Cycle& cycle) {
+        if (!view)
+          view.emplace(replay, cycle.controller, support::RobotReplayOptions{.frames = {"tool"}});
+        view->record(cycle.t, cycle.goal);
         end = (cycle.goal - cycle.tool).norm();
         const double step = (cycle.velocity - last).norm();
         last = cycle.velocity;
@@ -31,5 +38,6 @@ int main(int argc, char** argv) {
       "back at its goal to %.1e mm; the largest change of a command in %.0f ms is %.3f rad/s\n",
       icat::describe(status), least, 1e3 * farthest, 1e3 * end, 1e3 * arm::dt, worst_step);
   if (arguments.pictures) support::draw(arguments.output);
+  replay.write(arguments.output, arguments.logs);
   return status == icat::Status::ok && end < 1e-4 && farthest > 0.1 && worst_step < 0.1 ? 0 : 1;
 }

@@ -9,6 +9,7 @@
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
 #include "../support/geometry.hpp"
+#include "../support/robot_replay.hpp"
 #include "../support/support.hpp"
 
 using Vector3 = icat::Vector3<double>;
@@ -63,6 +64,12 @@ int main(int argc, char** argv) {
       robot, {{"paint", {{limits}, {dexterity}, {position}, {normal}, {still_base}}}});
   //! [tasks]
 
+  //! [replay]
+  support::Replay replay("A mobile manipulator paints a bent wall");
+  support::RobotReplay view(
+      replay, controller,
+      {.frames = {"link6"}, .base = {0.7, 0.5, 0.4}, .base_at = {0, 0, 0.25}, .samples = 4100});
+  //! [replay]
   support::Csv csv(arguments.output, "run.csv",
                    "t,tool_x,tool_y,tool_z,base_x,base_y,yaw,error,tilt,surge,yaw_rate,mu");
   const double dt = 0.01, end = 40;
@@ -76,6 +83,7 @@ int main(int argc, char** argv) {
     if (status == icat::Status::ok) status = controller.step(t);
     plant.step(controller.command(), t, dt);
 
+    view.record(t, goal.point);
     const Vector3 tool = robot.pose(brush).translation(), base = plant.base().translation();
     const double error = (goal.point - tool).norm();
     if (t > 8) worst = std::max(worst, error), tilt = std::max(tilt, normal.angle());
@@ -87,5 +95,6 @@ int main(int argc, char** argv) {
       "%s: after 8 s the brush is at most %.2f mm off its line and %.2f deg off the normal\n",
       icat::describe(status), 1e3 * worst, tilt * 180 / pi);
   if (arguments.pictures) support::draw(arguments.output);
+  replay.write(arguments.output, arguments.logs);
   return status == icat::Status::ok && worst < 5e-3 && tilt < 0.01 ? 0 : 1;
 }

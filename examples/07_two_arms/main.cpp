@@ -9,6 +9,7 @@
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
 #include "../support/geometry.hpp"
+#include "../support/robot_replay.hpp"
 #include "../support/support.hpp"
 
 using Vector3 = icat::Vector3<double>;
@@ -70,6 +71,15 @@ int main(int argc, char** argv) {
   icat::Controller controller(robot, {{"carry", {{limits}, {hold}, {level}, {carry}, {posture}}}});
   //! [tasks]
 
+  support::Replay replay("A torso with two arms carries a tray");
+  support::RobotReplay view(
+      replay, controller,
+      {.frames = {"left_end_effector", "right_end_effector", "tray"}, .samples = 4100});
+  view.run().shapes.push_back({.form = icat::ReplayForm::box,
+                               .frame = "frame/tray",
+                               .size = {0.3, 0.44, 0.02},
+                               .color = "#2fa36b",
+                               .opacity = 0.6});
   support::Csv csv(arguments.output, "run.csv",
                    "t,x,y,z,goal_x,goal_y,goal_z,turn,rise,grip,tilt,error");
   const double dt = 0.01;
@@ -82,6 +92,7 @@ int main(int argc, char** argv) {
     if (status == icat::Status::ok) status = controller.step(t);
     plant.step(controller.command(), t, dt);
 
+    view.record(t, goal);
     const auto held = support::distance(robot.pose(tray) * grasp, robot.pose(right));
     const Vector3 at = robot.pose(tray).translation();
     grip = std::max(grip, held.position), tilt = std::max(tilt, level.angle());
@@ -94,5 +105,6 @@ int main(int argc, char** argv) {
       "loop by %.2f mm\n",
       icat::describe(status), 1e3 * grip, tilt / degree, 1e3 * error);
   if (arguments.pictures) support::draw(arguments.output);
+  replay.write(arguments.output, arguments.logs);
   return status == icat::Status::ok && grip < 1e-3 && tilt < 0.1 * degree && error < 5e-3 ? 0 : 1;
 }

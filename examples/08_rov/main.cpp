@@ -9,6 +9,7 @@
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
 #include "../support/geometry.hpp"
+#include "../support/robot_replay.hpp"
 #include "../support/support.hpp"
 
 using Vector3 = icat::Vector3<double>;
@@ -38,7 +39,7 @@ struct Run {
 };
 
 // With `feedback` the controller is given the measured rates, otherwise it takes them for zero.
-Run run(bool feedback, support::Csv& csv) {
+Run run(bool feedback, support::Csv& csv, support::Replay& replay) {
   auto robot = make_robot();
   const icat::FrameId tool = robot.frame("tool");
   icat::Vector<double, 5> q;
@@ -58,6 +59,14 @@ Run run(bool feedback, support::Csv& csv) {
                               {.given = roll_and_pitch});
   //! [tasks]
 
+  support::RobotReplay view(
+      replay, controller,
+      {.frames = {"tool"},
+       .name = feedback ? "seeing" : "blind",
+       .title = feedback ? "with the measured rates" : "without the measured rates",
+       .base = {1.6, 1.0, 0.8},
+       .ground = 1.5,
+       .samples = 4100});
   Run result;
   result.status = controller.start("hold", 0);
   const double dt = 0.01;
@@ -70,6 +79,7 @@ Run run(bool feedback, support::Csv& csv) {
     actual(8) = roll_rate(t), actual(9) = pitch_rate(t);
     plant.step(actual, t, dt);
 
+    view.record(t, valve);
     const double error = (valve - robot.pose(tool).translation()).norm();
     const double tilt = std::acos(std::min(1.0, plant.base()(2, 2)));
     if (t > 10) result.tool = std::max(result.tool, error);
@@ -84,7 +94,8 @@ int main(int argc, char** argv) {
   const auto arguments =
       support::parse(argc, argv, "An ROV that swings holds a tool still.", "out/08_rov");
   support::Csv csv(arguments.output, "run.csv", "t,feedback,error,tilt,ahead,surge,heave,q2,q3");
-  const Run blind = run(false, csv), seeing = run(true, csv);
+  support::Replay replay("An ROV that swings holds a tool still", true);
+  const Run blind = run(false, csv, replay), seeing = run(true, csv, replay);
   std::printf(
       "%s: the hull tilts by up to %.1f deg; the tool is off by %.1f mm without the measured "
       "rates,\n"
@@ -92,6 +103,7 @@ int main(int argc, char** argv) {
       icat::describe(seeing.status), seeing.attitude * 180 / pi, 1e3 * blind.tool,
       1e3 * seeing.tool);
   if (arguments.pictures) support::draw(arguments.output);
+  replay.write(arguments.output, arguments.logs);
   return seeing.status == icat::Status::ok && seeing.tool < 2e-3 && blind.tool > 10 * seeing.tool
              ? 0
              : 1;

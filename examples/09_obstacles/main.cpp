@@ -8,6 +8,7 @@
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
 #include "../support/geometry.hpp"
+#include "../support/robot_replay.hpp"
 #include "../support/support.hpp"
 
 using Vector3 = icat::Vector3<double>;
@@ -62,6 +63,15 @@ int main(int argc, char** argv) {
                               {.solver = {.regularization = {.lambda = 0.01, .threshold = 0.05}}});
   //! [tasks]
 
+  support::Replay replay("An arm goes round obstacles and keeps off itself");
+  support::RobotReplay view(replay, controller, {.frames = {"link6"}, .samples = 9000});
+  const auto swinging = view.log().add("ball", "m", icat::LogKind::point);
+  view.run().shapes.push_back({.form = icat::ReplayForm::box,
+                               .at = support::pose({0.6, 0, 0.25}, 0, 0, 0.4),
+                               .size = {0.16, 0.16, 0.5},
+                               .color = "#7d8b99"});
+  view.run().shapes.push_back(
+      {.form = icat::ReplayForm::sphere, .frame = "ball", .color = "#d1495b"});
   support::Csv csv(arguments.output, "run.csv",
                    "t,x,y,z,goal_x,goal_y,clearance,self,error,ball_y");
   const double dt = 0.005;
@@ -82,6 +92,8 @@ int main(int argc, char** argv) {
     q += dt * controller.velocity();
     if (status == icat::Status::ok) status = robot.update(q);
 
+    view.record(t, goal);
+    view.log().set(swinging, ball.x(), ball.y(), ball.z());
     const Vector3 at = robot.pose(tool).translation();
     nearest = std::min(nearest, clearance.smallest()), own = std::min(own, self.smallest());
     worst_step = std::max(worst_step, (controller.velocity() - last).norm());
@@ -95,6 +107,7 @@ int main(int argc, char** argv) {
       "the largest change of a command in %.0f ms is %.3f rad/s\n",
       icat::describe(status), 1e3 * nearest, 1e3 * own, 1e3 * error, 1e3 * dt, worst_step);
   if (arguments.pictures) support::draw(arguments.output);
+  replay.write(arguments.output, arguments.logs);
   const bool safe = status == icat::Status::ok && nearest > 0.015 && own > 0.015;
   return safe && error < 1e-3 && worst_step < 0.3 ? 0 : 1;
 }

@@ -16,6 +16,7 @@ CommandLine parse(int argc, char** argv, const char* description, const char* ou
   app.add_option("--output", line.output, "folder of the CSV files and pictures")
       ->capture_default_str();
   app.add_flag("--no-pictures", no_pictures, "do not call gnuplot");
+  app.add_flag("--logs", line.logs, "write every run of the replay as CSV and MCAP, too");
   if (!variants.empty()) {
     app.add_option("--variant", line.variant, "run this one alone")->check(CLI::IsMember(variants));
   }

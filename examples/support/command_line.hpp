@@ -13,6 +13,7 @@ struct CommandLine {
   std::string output;     ///< --output: folder of the CSV files and pictures
   std::string variant;    ///< --variant: run this one alone; empty: all
   bool pictures = true;   ///< --no-pictures: do not call gnuplot
+  bool logs = false;      ///< --logs: every run as CSV and MCAP, too
   bool extended = false;  ///< the example's own flag
 };
 

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Any robot that is a KinematicTree, with its controller, in a replay: a line to make it, a line in
+// the loop.
+#pragma once
+
+#include <algorithm>
+#include <icat/adapters/replay_scene.hpp>
+#include <icat/control/controller_log.hpp>
+#include <icat/control/explain.hpp>
+
+#include "replay.hpp"
+
+namespace support {
+
+/// How the robot is drawn, and what for.
+struct RobotReplayOptions {
+  std::vector<std::string> frames;            ///< ends of its limbs; the first one leaves a path
+  std::string name = "run", title = "";       ///< of the run
+  std::array<double, 3> base = {0, 0, 0};     ///< a box around the base, m
+  std::array<double, 3> base_at = {0, 0, 0};  ///< its centre on the base
+  double radius = 0.035;                      ///< of the links, m
+  double ground = 0;                          ///< height of the grid in ⟨0⟩, m
+  std::size_t samples = 13000;                ///< as many as are recorded
+};
+
+/// See above. The controller must outlive it.
+template <class Controller>
+class RobotReplay {
+ public:
+  RobotReplay(Replay& replay, const Controller& controller, const RobotReplayOptions& options)
+      : run_(replay.add(options.name, options.title, options.samples)),
+        log_(replay.log()),
+        controller_(controller),
+        recorder_(log_, controller, {.frames = options.frames}),
+        explainer_(controller) {
+    using icat::ReplayForm;
+    const auto& robot = controller.robot();
+    for (const auto& joint : robot.joints()) {
+      links_.push_back(log_.add("link/" + joint.name, "m", icat::LogKind::point));
+    }
+    goal_ = log_.add("goal", "m", icat::LogKind::point);
+    // From each frame to the base: bones between the axes of its joints.
+    const char* colors[] = {"#e07f2e", "#e9edf0"};
+    std::vector<std::string> drawn;
+    for (const auto& frame : options.frames) {
+      std::string end = "frame/" + frame;
+      const auto bone_to = [&](const std::string& start) {
+        const std::string both = start + end;
+        if (std::find(drawn.begin(), drawn.end(), both) == drawn.end()) {
+          run_.shapes.push_back({.form = ReplayForm::bone,
+                                 .frame = start,
+                                 .size = {options.radius, 0, 0},
+                                 .to = end,
+                                 .color = colors[drawn.size() % 2]});
+          drawn.push_back(both);
+        }
+        end = start;
+      };
+      robot.for_each_joint_of(robot.frame(frame), [&](icat::Index column, auto&&, auto&&) {
+        for (const auto& joint : robot.joints()) {
+          if (joint.column == column) bone_to("link/" + joint.name);
+        }
+      });
+      bone_to("frame/base");
+      run_.shapes.push_back({.form = ReplayForm::axes,
+                             .frame = "frame/" + frame,
+                             .size = {4 * options.radius, 0, 0}});
+    }
+    if (options.base[0] > 0) {
+      icat::ReplayShape box{.form = ReplayForm::box,
+                            .frame = "frame/base",
+                            .size = options.base,
+                            .color = "#5b6b79",
+                            .opacity = 0.85};
+      box.at.translation() << options.base_at[0], options.base_at[1], options.base_at[2];
+      run_.shapes.push_back(box);
+    }
+    icat::ReplayShape ground{.form = ReplayForm::ground, .size = {6, 0, 0}};
+    ground.at.translation().z() = options.ground;
+    run_.shapes.push_back(ground);
+    run_.shapes.push_back({.form = ReplayForm::path,
+                           .frame = "frame/" + options.frames[0],
+                           .size = {},
+                           .color = "#0b6e99"});
+    run_.shapes.push_back({.form = ReplayForm::sphere,
+                           .frame = "goal",
+                           .size = {0.8 * options.radius, 0, 0},
+                           .color = "#2fa36b",
+                           .opacity = 0.7});
+    run_.plots = {{"Activations", {"activation/"}, "", -0.03, 1.03},
+                  {"Rates that tasks ask for and do not get", {"error/"}, "m/s, rad/s", 0, 0, true},
+                  {"Velocities", {"velocity/"}, "rad/s, m/s"}};
+  }
+
+  /// After the controller's step at `t`.
+  void record(double t) {
+    if (!log_.begin(t)) return;
+    recorder_.record();
+    const auto& robot = controller_.robot();
+    for (std::size_t i = 0; i < links_.size(); ++i) {
+      const auto& p = robot.axis_point(static_cast<icat::Index>(i));
+      log_.set(links_[i], p(0), p(1), p(2));
+    }
+    log_.phase(t, controller_.action());
+    if (t < next_explanation_) return;
+    next_explanation_ = t + 0.25;  // s: as often as a person reads
+    explainer_.update();
+    log_.explain(t, explainer_.conclusion());
+  }
+  /// The same with the place where the first frame shall be, m.
+  void record(double t, const icat::Vector3<double>& goal) {
+    record(t);
+    log_.set(goal_, goal.x(), goal.y(), goal.z());
+  }
+  /// For shapes and plots of one's own.
+  icat::ReplayRun& run() { return run_; }
+  icat::Log& log() { return log_; }
+
+ private:
+  icat::ReplayRun& run_;
+  icat::Log& log_;
+  const Controller& controller_;
+  icat::ControllerLog<Controller> recorder_;
+  std::vector<icat::LogChannel> links_;
+  icat::LogChannel goal_;
+  icat::Explainer<Controller> explainer_;
+  double next_explanation_ = 0;
+};
+
+}  // namespace support

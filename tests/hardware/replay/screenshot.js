@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// node screenshot.js <replay.html> <picture.png> <time> [<azimuth> <elevation> <distance factor> <width> <height>]
+// The picture of README.md: docs/replay.md says how it is made.
+const path = require("path");
+const { open } = require("./page.js");
+
+(async () => {
+  const [file, picture, time, azimuth, elevation, nearer, width, height] = process.argv.slice(2);
+  const { browser, page, errors } = await open(`file://${path.resolve(file)}`, {
+    width: Number(width || 1500), height: Number(height || 1020),
+  });
+  await page.evaluate(([t, a, e, d]) => {
+    if (a) window.replay.orbit.azimuth = a;
+    if (e) window.replay.orbit.elevation = e;
+    if (d) window.replay.orbit.distance *= d;
+    window.replay.seek(t);
+  }, [time, azimuth, elevation, nearer].map(Number));
+  await page.screenshot({ path: picture });
+  await browser.close();
+  for (const error of errors) console.error(error);
+  process.exit(errors.length ? 1 : 0);
+})();
