@@ -19,6 +19,7 @@ need g++:g++ clang:clang++ cmake:cmake ninja-build:ninja ccache:ccache libeigen3
   libboost-dev libjs-three chromium:chromium
 need_compiler
 need_sanitizers
+venv=$PWD/build/hardware_venv # the peers need another numpy than Pinocchio
 python_tools
 step "Installing the peers from PyPI" "$PWD/build/pip.log" "$venv/bin/pip" install -q \
   --disable-pip-version-check -r tests/hardware/requirements.txt || fail "pip could not install the peers"

@@ -24,7 +24,7 @@ struct Frame {
 };
 
 std::vector<Frame> record(int count, int seed) {
-  const std::string command = std::string(ICAT_PYTHON) + " " + ICAT_PEERS + "/record.py " +
+  const std::string command = "\"" ICAT_PYTHON "\" \"" ICAT_PEERS "/record.py\" " +
                               std::to_string(count) + " " + std::to_string(seed);
   const std::unique_ptr<FILE, int (*)(FILE*)> pipe(::popen(command.c_str(), "r"), ::pclose);
   std::vector<Frame> frames;

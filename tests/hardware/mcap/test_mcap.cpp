@@ -18,9 +18,9 @@ class Mcap : public ::testing::Test {
       : path_(fs::temp_directory_path() / ("icat_test_" + std::to_string(::getpid()) + ".mcap")) {}
   ~Mcap() override { fs::remove(path_); }
   std::string read() const {
-    const std::string command = "NODE_PATH=" ICAT_NODE_MODULES " " ICAT_NODE " " ICAT_PEERS
-                                "/read.js " +
-                                path_.string() + " 2>&1";
+    const std::string command = "NODE_PATH='" ICAT_NODE_MODULES "' '" ICAT_NODE "' '" ICAT_PEERS
+                                "/read.js' '" +
+                                path_.string() + "' 2>&1";
     std::unique_ptr<FILE, int (*)(FILE*)> pipe(popen(command.c_str(), "r"), pclose);
     std::string text;
     char block[4096];
