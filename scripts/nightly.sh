@@ -5,10 +5,12 @@ source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 need g++:g++ cmake:cmake ninja-build:ninja ccache:ccache libeigen3-dev libgtest-dev
 need_compiler
 cmake --preset release >/dev/null || fail "configuring: release"
-cmake --build --preset release --target test_motion_limits test_carry_campaign >/dev/null ||
+cmake --build --preset release --target test_motion_limits test_carry_campaign test_perception >/dev/null ||
   fail "building: the campaigns"
 say "A million loops within limits"
 ICAT_LIMIT_RUNS=1000000 build/release/tests/test_motion_limits || fail "a limit was passed"
+say "The noise of a pipe's pose, 100,000 pictures"
+ICAT_LIMIT_RUNS=100000 build/release/tests/test_perception || fail "a covariance is wrong"
 say "100,000 missions of two robots over a bad channel"
 ICAT_CARRY_RUNS=100000 build/release/tests/test_carry_campaign || fail "a promise was broken"
 say "Adapters against their peers, decoders ten minutes each"

@@ -4,7 +4,7 @@ cmake_minimum_required(VERSION 3.22)
 get_filename_component(include_dir "${CMAKE_CURRENT_LIST_DIR}/../include" ABSOLUTE)
 
 # A folder includes only itself and folders before it; the last two do not know each other.
-set(folders core math tpik model task action control mission navigation cooperation sim adapters)
+set(folders core math tpik model task action control mission navigation perception cooperation sim adapters)
 
 set(errors "")
 macro(error)
@@ -77,7 +77,7 @@ foreach(header IN LISTS headers)
 endforeach()
 
 # icat.hpp reaches every header but those of the folders that users include by name.
-set(by_name "^icat/(navigation|sim|adapters)/")
+set(by_name "^icat/(navigation|perception|sim|adapters)/")
 set(reached icat/icat.hpp)
 set(waiting icat/icat.hpp)
 while(waiting)
