@@ -65,12 +65,12 @@ struct Conditions {
   explicit Conditions(std::uint64_t seed) {
     icat::Noise noise(seed);
     const auto between = [&](double a, double b) { return a + (b - a) * noise.uniform(); };
-    pipe = at(between(-0.2, 0.2), between(-0.2, 0.2), support - radius, between(-0.3, 0.3) - 1.5708);
+    pipe =
+        at(between(-0.2, 0.2), between(-0.2, 0.2), support - radius, between(-0.3, 0.3) - 1.5708);
     start = at(between(-2, -1), between(-0.5, 0.5), survey_depth, between(-0.2, 0.2));
     placed = at(-0.35 + between(-0.1, 0.1), between(-0.1, 0.1), placed_depth, between(-0.1, 0.1));
     waypoint = at(-0.5 + between(-0.3, 0.3), between(-0.3, 0.3), survey_depth);
-    tether << Parameters::tether * noise.normal(), Parameters::tether * noise.normal(),
-        Parameters::trim * noise.normal();
+    tether << tether * noise.normal(), tether * noise.normal(), trim * noise.normal();
   }
   Pose pipe;           ///< x along it
   Pose start, placed;  ///< of the vehicle, by itself and by hand
@@ -90,11 +90,10 @@ class Attempt {
                {.q = joints(1.2, -2.2, 1.0),
                 .vehicle = switches.vehicle ? conditions_.start : conditions_.placed}),
         frames_{robot_.frame("tool"), robot_.frame(icat::maris_elbow), robot_.frame("camera")},
-        grasp_(robot_, frames_, joints(0.6, -1.4, 0.8),
-               {.linear_rate = 0.15, .angular_rate = 0.3}),
-        waypoint_(robot_, robot_.base(), conditions_.waypoint,
-                  {.name = "waypoint", .gain = 0.5, .max_linear_rate = 0.2,
-                   .max_angular_rate = 0.2}),
+        grasp_(robot_, frames_, joints(0.6, -1.4, 0.8), {.linear_rate = 0.15, .angular_rate = 0.3}),
+        waypoint_(
+            robot_, robot_.base(), conditions_.waypoint,
+            {.name = "waypoint", .gain = 0.5, .max_linear_rate = 0.2, .max_angular_rate = 0.2}),
         folded_(robot_, joints(1.2, -2.2, 1.0), {.name = "folded", .gain = 0.3, .max_rate = 0.3}),
         still_arm_(robot_, icat::joint_columns(robot_), "still arm"),
         still_vehicle_(robot_, robot_.base_columns(), "still vehicle"),
@@ -111,18 +110,20 @@ class Attempt {
         drives_(icat::PiLoop<double, 7>::tuned(felt(), icat::Filled{100.0})),
         filter_(switches.filter ? 1 / 50.0 : 0),
         navigation_(model(), plant_.vehicle(), navigation_options()),
-        ahrs_({.latency = 0.01, .gyro_noise = Parameters::gyro_noise / std::sqrt(100.0),
-               .seed = seed + 1000000}),
-        dvl_({.beam_noise = Parameters::beam_noise, .floor = floor, .seed = seed + 2000000}),
+        ahrs_(
+            {.latency = 0.01, .gyro_noise = gyro_noise / std::sqrt(100.0), .seed = seed + 1000000}),
+        dvl_({.beam_noise = beam_noise, .floor = floor, .seed = seed + 2000000}),
         depth_({.seed = seed + 3000000}),
         cameras_(icat::parallel_cameras<double>(1000)),
         arm_(robot_, frames_.camera, cameras_, boxes()),
         eyes_(cameras_, camera_mount(),
-              {.pixel_noise = Parameters::pixel_noise, .attenuation = switches.attenuation,
+              {.pixel_noise = pixel_noise,
+               .attenuation = switches.attenuation,
                .seed = seed + 4000000}),
         estimator_(cameras_, {.towards = Vector3(0, -1, 0)}),
         tracker_(camera_mount()),
-        pool_(icat::HandPlant<double>(), {.body = icat::r2_pipe_body<double>(), .floor = support}, conditions_.pipe),
+        pool_(icat::HandPlant<double>(), {.body = icat::r2_pipe_body<double>(), .floor = support},
+              conditions_.pipe),
         random_(seed + 5000000) {
     detector_.preshape(icat::Preshape::power);
   }
@@ -190,10 +191,10 @@ class Attempt {
   }
   static icat::Navigation<double>::Options navigation_options() {
     icat::Navigation<double>::Options o;
-    o.yaw_rate.gyro_noise = Parameters::gyro_noise;
-    o.velocity.beam_noise = Parameters::beam_noise;
+    o.yaw_rate.gyro_noise = gyro_noise;
+    o.velocity.beam_noise = beam_noise;
     o.velocity.acceleration_noise = 0.02;  // umbilical and arm push it about
-    o.attitude.gyro_noise = Parameters::gyro_noise / std::sqrt(100.0);
+    o.attitude.gyro_noise = gyro_noise / std::sqrt(100.0);
     o.position.initial_position = 0.1;
     return o;
   }
@@ -214,8 +215,7 @@ class Attempt {
     }
     return inertia;
   }
-  void keep(Status status, int line = __builtin_LINE()) {
-    if (bad_ == Status::ok && status != Status::ok) std::printf("line %d: %s\n", line, icat::describe(status));
+  void keep(Status status) {
     if (bad_ == Status::ok) bad_ = status;
   }
 
@@ -241,8 +241,14 @@ class Attempt {
     (void)tracker_.predict(vehicle);
   }
 
-  /// ⟨o⟩ of the vision has y along the pipe.
-  Pose pipe() const { return pool_.pipe() * at(0, 0, 0, -1.5707963267948966); }
+  /// ⟨o⟩ of the vision, which has y along the pipe, x of its plant, and z down.
+  Pose pipe() const {
+    const Vector3 y = pool_.pipe().linear().col(0);
+    Pose pose = pool_.pipe();
+    const Vector3 z = (Vector3::UnitZ() - y.z() * y).normalized();
+    pose.linear() << y.cross(z), y, z;
+    return pose;
+  }
 
   void look(long k) {
     if (k % 10 == 0) (void)arm_.update();
@@ -260,13 +266,13 @@ class Attempt {
       tracker_.miss();
     }
     if (!tracker_.valid()) return;
-    goal_ = navigation_.pose() * tracker_.grasp(at(0, 0, -Parameters::palm_above));
+    goal_ = navigation_.pose() * tracker_.grasp(at(0, 0, -palm_above));
     const Pose off = offset();
     // From above: nearer only as the fingers come to stand on both sides of the pipe.
     const double aside = std::abs(off.translation().x()) + 0.1 * angle(off);
     const double above = std::clamp(5 * (aside - 0.02), 0.0, 0.25);
     const Pose vehicle = navigation_.pose();
-    (void)grasp_.see_grasp(tracker_.grasp(at(0, 0, -Parameters::palm_above - above)), vehicle);
+    (void)grasp_.see_grasp(tracker_.grasp(at(0, 0, -palm_above - above)), vehicle);
     (void)grasp_.see_object(tracker_.point_in_camera(Vector3(0, 0, 0)), vehicle);
   }
 
@@ -275,7 +281,7 @@ class Attempt {
   static double angle(const Pose& pose) { return icat::rotation_log<double>(pose.linear()).norm(); }
   bool at_grasp() const {
     const Pose off = offset();
-    return off.translation().norm() < Parameters::near && angle(off) < Parameters::parallel;
+    return off.translation().norm() < near_grasp && angle(off) < parallel;
   }
   bool at_posture() const {
     return (plant_.q() - joints(1.2, -2.2, 1.0)).cwiseAbs().maxCoeff() < 0.1;
@@ -289,9 +295,8 @@ class Attempt {
     if (phase == "close" && !closing_) {
       closing_ = true;
       keep(detector_.close(0.3, 0.5));
-      const Pose off = (pipe() * at(0, 0, -Parameters::palm_above)).inverse() * palm();
+      const Pose off = (pipe() * at(0, 0, -palm_above)).inverse() * palm();
       result_.position = off.translation().norm();
-      result_.across = std::abs(off.translation().x());
       result_.angle = angle(off);
     }
     const Vector3 p = plant_.vehicle().translation();
@@ -304,8 +309,7 @@ class Attempt {
       const int leg = static_cast<int>(mission_.time_in_phase() / 8);
       constexpr double x[] = {0, 1, 1, -1, -1}, y[] = {0, 0, 1, 1, -1};
       const double wide = 0.4 * (1 + leg / 5);
-      (void)waypoint_.set_goal(conditions_.waypoint *
-                               at(wide * x[leg % 5], wide * y[leg % 5], 0));
+      (void)waypoint_.set_goal(conditions_.waypoint * at(wide * x[leg % 5], wide * y[leg % 5], 0));
     }
     keep(mission_.step(time_));
     keep(mission_.drive(controller_, time_));
@@ -314,10 +318,15 @@ class Attempt {
   void control(long k) {
     Vector6 base = filter_.value();
     if (!switches_.compensation) {  // it is taken to do as it is told
-      base = switches_.vehicle ? Vector6(controller_.command().tail<6>()) : Vector6(Vector6::Zero());
+      base =
+          switches_.vehicle ? Vector6(controller_.command().tail<6>()) : Vector6(Vector6::Zero());
     }
     const bool driven = mission_.end() == icat::PhaseEnd::none;
-    if (k % 5 == 0 && driven) keep(controller_.step_base(time_, base));
+    // TPIK 1 plans for a vehicle that does not roll or pitch: that comes and goes faster than the
+    // vehicle can answer (12_velocity_feedback), and is left to the arm.
+    Vector6 level = base;
+    level.segment<2>(3).setZero();
+    if (k % 5 == 0 && driven) keep(controller_.step_base(time_, level));
     if (!switches_.compensation && switches_.vehicle) base = controller_.command().tail<6>();
     if (driven) keep(controller_.step_joints(time_, base));
     reference_ = controller_.command().head<7>();
@@ -344,16 +353,16 @@ class Attempt {
 
   // What pulls at the vehicle, on ⟨v⟩: the umbilical and, in October, the diver.
   Vector6 pull() {
-    const double k = plant_dt / Parameters::sway_time;
+    const double k = plant_dt / sway_time;
     for (int i = 0; i < 3; ++i) {
       sway_(i) += -k * sway_(i) + std::sqrt(2 * k) * random_.normal();
     }
     const Pose& vehicle = plant_.vehicle();
-    Vector3 force = conditions_.tether + 0.5 * Parameters::tether * sway_;
-    force.z() = conditions_.tether.z() + 0.5 * Parameters::trim * sway_.z();
+    Vector3 force = conditions_.tether + 0.5 * tether * sway_;
+    force.z() = conditions_.tether.z() + 0.5 * trim * sway_.z();
     Vector6 wrench = Vector6::Zero();
     if (!switches_.vehicle) {
-      const Vector3 held = conditions_.placed.translation() + Parameters::diver * sway_;
+      const Vector3 held = conditions_.placed.translation() + diver * sway_;
       const Vector6 v = plant_.vehicle_velocity();
       force += 400 * (held - vehicle.translation()) - 400 * (vehicle.linear() * v.head<3>());
       force.z() -= weight();
@@ -395,10 +404,9 @@ class Attempt {
   }
 
   void record() {
-    const Pose off = (pipe() * at(0, 0, -Parameters::palm_above)).inverse() * palm();
+    const Pose off = (pipe() * at(0, 0, -palm_above)).inverse() * palm();
     samples_.push_back({time_, off.translation().norm(), plant_.vehicle_velocity().head<3>(),
-                        controller_.command().segment<3>(7), reference_.norm(),
-                        std::string(mission_.phase())});
+                        controller_.command().segment<3>(7), reference_.norm()});
   }
 
   Result finish() {
