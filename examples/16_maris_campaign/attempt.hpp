@@ -70,7 +70,7 @@ struct Conditions {
     start = at(between(-2, -1), between(-0.5, 0.5), survey_depth, between(-0.2, 0.2));
     placed = at(-0.35 + between(-0.1, 0.1), between(-0.1, 0.1), placed_depth, between(-0.1, 0.1));
     waypoint = at(-0.5 + between(-0.3, 0.3), between(-0.3, 0.3), survey_depth);
-    tether << tether * noise.normal(), tether * noise.normal(), trim * noise.normal();
+    tether << umbilical * noise.normal(), umbilical * noise.normal(), trim * noise.normal();
   }
   Pose pipe;           ///< x along it
   Pose start, placed;  ///< of the vehicle, by itself and by hand
@@ -358,7 +358,7 @@ class Attempt {
       sway_(i) += -k * sway_(i) + std::sqrt(2 * k) * random_.normal();
     }
     const Pose& vehicle = plant_.vehicle();
-    Vector3 force = conditions_.tether + 0.5 * tether * sway_;
+    Vector3 force = conditions_.tether + 0.5 * umbilical * sway_;
     force.z() = conditions_.tether.z() + 0.5 * trim * sway_.z();
     Vector6 wrench = Vector6::Zero();
     if (!switches_.vehicle) {

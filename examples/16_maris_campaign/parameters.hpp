@@ -12,7 +12,7 @@ namespace campaign {
 constexpr int revision = 1;
 
 // All numbers are ours; docs/campaign.md tells where they come from. Tuned on October and December:
-constexpr double tether = 1;         // N, deviation of the umbilical's pull, north and east
+constexpr double umbilical = 1;      // N, deviation of the umbilical's pull, north and east
 constexpr double near_grasp = 0.03;  // m, the palm to its goal, for the hand to close
 constexpr double parallel = 0.15;    // rad, the same
 constexpr double clear = 0.2, very_turbid = 1.3;  // 1/m, attenuation of the water
