@@ -14,69 +14,18 @@
 #include <icat/control/thruster_allocation.hpp>
 #include <icat/control/vehicle_loop.hpp>
 #include <icat/mission/maris_mission.hpp>
-#include <icat/model/uvms.hpp>
-#include <icat/navigation/navigation.hpp>
 #include <icat/perception/arm_mask.hpp>
 #include <icat/perception/frame_tracker.hpp>
 #include <icat/perception/pose_history.hpp>
 #include <icat/sim/grasp_plant.hpp>
-#include <icat/sim/hydrodynamic_plant.hpp>
-#include <icat/sim/maris_dynamics.hpp>
 #include <icat/sim/stereo_pipe.hpp>
 #include <icat/sim/thruster.hpp>
 #include <icat/task/column_tasks.hpp>
 #include <vector>
 
-#include "parameters.hpp"
+#include "robot.hpp"
 
 namespace campaign {
-
-using Robot = icat::KinematicTree<double, 13>;
-using Plant = icat::HydrodynamicPlant<double, 7>;
-using Pose = icat::Pose<double>;
-using Vector3 = icat::Vector3<double>;
-using Vector6 = icat::Vector6<double>;
-using Vector13 = icat::Vector<double, 13>;
-using Joints = icat::Vector<double, 7>;
-using icat::Status;
-
-/// Turned about z by `yaw`.
-inline Pose at(double x, double y, double z, double yaw = 0) {
-  Pose pose = Pose::Identity();
-  pose.linear() = icat::rotation_exp<double>(Vector3(0, 0, yaw));
-  pose.translation() << x, y, z;
-  return pose;
-}
-inline Joints joints(double shoulder, double elbow, double wrist) {
-  Joints q;
-  q << 0, shoulder, 0, elbow, 0, wrist, 0;
-  return q;
-}
-inline Pose camera_mount() { return at(0.6, 0, 0.1); }  // looks down; u of the images along x
-inline Pose palm_mount() { return at(0, 0, 0.1); }      // ⟨h⟩ in the end-effector's frame
-inline Robot make_robot() {
-  return icat::uvms(
-      icat::maris_arm<double>(),
-      {.arm = icat::maris_arm_mount<double>(), .camera = camera_mount(), .tool = palm_mount()});
-}
-
-/// What is different in each attempt: drawn from its seed, the same in all campaigns.
-struct Conditions {
-  explicit Conditions(std::uint64_t seed) {
-    icat::Noise noise(seed);
-    const auto between = [&](double a, double b) { return a + (b - a) * noise.uniform(); };
-    pipe =
-        at(between(-0.2, 0.2), between(-0.2, 0.2), support - radius, between(-0.3, 0.3) - 1.5708);
-    start = at(between(-2, -1), between(-0.5, 0.5), survey_depth, between(-0.2, 0.2));
-    placed = at(-0.35 + between(-0.1, 0.1), between(-0.1, 0.1), placed_depth, between(-0.1, 0.1));
-    waypoint = at(-0.5 + between(-0.3, 0.3), between(-0.3, 0.3), survey_depth);
-    tether << umbilical * noise.normal(), umbilical * noise.normal(), trim * noise.normal();
-  }
-  Pose pipe;           ///< x along it
-  Pose start, placed;  ///< of the vehicle, by itself and by hand
-  Pose waypoint;       ///< where the pipe is thought to be, less the vehicle's way to look at it
-  Vector3 tether;      ///< N, on ⟨0⟩: the umbilical and ballast, that nobody knows
-};
 
 /// One attempt, see the file comment.
 class Attempt {
@@ -158,45 +107,6 @@ class Attempt {
     // Roll and pitch are not actuated; a vehicle that is held by hand not at all.
     const auto given = switches_.vehicle ? icat::ColumnRange{10, 2} : robot_.base_columns();
     return {.given = given, .solver = {.bounds = {-most, most}}};
-  }
-  static Vector6 bandwidth() {
-    Vector6 w;
-    w << 1, 1, 1, 0, 0, 2;
-    return w;
-  }
-  // What the robot weighs in water, N, less what it displaces.
-  static double weight() {
-    const auto r2 = icat::r2_dynamics<double>();
-    double mass = r2.vehicle.mass - r2.vehicle.displaced_mass;
-    for (const auto& link : r2.links) mass += link.mass - link.displaced_mass;
-    return 9.81 * mass;
-  }
-  // The vehicle as its loop knows it: the arm weighs on it.
-  static icat::RigidBody<double> trimmed() {
-    auto body = icat::r2_vehicle_body<double>();
-    body.displaced_mass = body.mass - weight() / 9.81;
-    return body;
-  }
-  static icat::VehicleModel<double> model() {
-    const auto body = icat::r2_vehicle_body<double>();
-    icat::VehicleModel<double> model;
-    for (int i = 0; i < 3; ++i) {
-      model.inertia(i) = body.mass + body.added_mass(i);
-      model.inertia(3 + i) = body.inertia(i, i) + body.added_mass(3 + i);
-    }
-    model.linear_drag = body.linear_drag;
-    model.quadratic_drag = body.quadratic_drag;
-    model.weight_in_water = weight();
-    return model;
-  }
-  static icat::Navigation<double>::Options navigation_options() {
-    icat::Navigation<double>::Options o;
-    o.yaw_rate.gyro_noise = gyro_noise;
-    o.velocity.beam_noise = beam_noise;
-    o.velocity.acceleration_noise = 0.02;  // umbilical and arm push it about
-    o.attitude.gyro_noise = gyro_noise / std::sqrt(100.0);
-    o.position.initial_position = 0.1;
-    return o;
   }
   std::vector<icat::FrameBox<double>> boxes() const {
     return {{robot_.frame("link5"), Vector3(-0.12, -0.12, -0.14), Vector3(0.12, 0.12, 0.40)},

@@ -66,7 +66,7 @@ bool shard(const std::string& text, int& index, int& count) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  std::string attempts = "3", part = "1/1", jobs = "0";
+  std::string attempts = "2", part = "1/1", jobs = "0";
   const auto arguments =
       support::parse(argc, argv, "The campaigns of 46 grasps, simulated.", "out/16_maris_campaign",
                      {}, {"--merge", "run nothing, join the shards in the folder"},
