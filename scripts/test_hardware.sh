@@ -15,7 +15,7 @@ need g++:g++ clang:clang++ cmake:cmake ninja-build:ninja ccache:ccache libeigen3
   libroscpp-dev libsensor-msgs-dev libnav-msgs-dev libgeometry-msgs-dev libstd-msgs-dev \
   python3-roslaunch:roscore python3-rostopic:rostopic python3-rospy python3-sensor-msgs \
   python3-nav-msgs python3-geometry-msgs python3-std-msgs \
-  user-mode-linux kmod iproute2 gpsd
+  user-mode-linux kmod iproute2 gpsd parallel:parallel openmpi-bin:mpirun
 need_compiler
 need_sanitizers
 python_tools

@@ -15,7 +15,7 @@ constexpr int revision = 1;
 constexpr double umbilical = 1;      // N, deviation of the umbilical's pull, north and east
 constexpr double near_grasp = 0.03;  // m, the palm to its goal, for the hand to close
 constexpr double parallel = 0.15;    // rad, the same
-constexpr double clear = 0.2, very_turbid = 1.3;  // 1/m, attenuation of the water
+constexpr double clear = 0.2, very_turbid = 1.31;  // 1/m, attenuation of the water
 // Not tuned:
 constexpr double diver = 0.03;        // m, by which a vehicle that is held by hand wanders
 constexpr double trim = 1;            // N, deviation of the weight in water from what is known
