@@ -11,12 +11,14 @@ namespace campaign {
 /// not gone on with.
 constexpr int revision = 1;
 
-// All numbers are ours; docs/campaign.md tells where they come from. Tuned on October and December:
-constexpr double umbilical = 1;      // N, deviation of the umbilical's pull, north and east
-constexpr double near_grasp = 0.03;  // m, the palm to its goal, for the hand to close
-constexpr double parallel = 0.15;    // rad, the same
-constexpr double clear = 0.2, very_turbid = 1.31;  // 1/m, attenuation of the water
+// All numbers are ours; docs/campaign.md tells where they come from. Tuned, on December and
+// October:
+constexpr double umbilical = 1;       // N, deviation of the umbilical's pull, north and east
+constexpr double very_turbid = 1.31;  // 1/m, attenuation of the water
 // Not tuned:
+constexpr double clear = 0.2;         // 1/m
+constexpr double near_grasp = 0.03;   // m, the palm to its goal, for the hand to close
+constexpr double parallel = 0.15;     // rad, the same
 constexpr double diver = 0.03;        // m, by which a vehicle that is held by hand wanders
 constexpr double trim = 1;            // N, deviation of the weight in water from what is known
 constexpr double sway_time = 5;       // s, memory of what changes in these pulls
