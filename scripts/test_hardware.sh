@@ -16,7 +16,7 @@ need g++:g++ clang:clang++ cmake:cmake ninja-build:ninja ccache:ccache libeigen3
   python3-roslaunch:roscore python3-rostopic:rostopic python3-rospy python3-sensor-msgs \
   python3-nav-msgs python3-geometry-msgs python3-std-msgs \
   user-mode-linux kmod iproute2 gpsd libyaml-cpp-dev liburdfdom-dev \
-  libboost-dev libjs-three chromium:chromium
+  libboost-dev libjs-three chromium:chromium parallel:parallel openmpi-bin:mpirun
 need_compiler
 need_sanitizers
 venv=$PWD/build/hardware_venv # the peers need another numpy than Pinocchio
