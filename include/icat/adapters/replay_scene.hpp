@@ -41,7 +41,8 @@ struct ReplayPlot {
   std::string title;                  ///< above it
   std::vector<std::string> channels;  ///< all whose names begin with one of these, "activation/"
   std::string unit = {};              ///< empty: of the first channel
-  double least = 0, most = 0;         ///< of the axis; equal: what the numbers need
+  double least = 0;                   ///< of the axis
+  double most = 0;                    ///< of the axis; both equal: what the numbers need
   bool logarithmic = false;           ///< only numbers > 0
 };
 
