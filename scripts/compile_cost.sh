@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # What a user's file costs to compile, as multiples of an include of Eigen/Dense alone in the same
-# run: a Markdown table. With --check it fails where a bound is exceeded by more than a tenth, which
-# is how far two measurements of the same file may differ on a busy machine. User time of the fastest
-# of three, with --check of as many as it takes to stay below a bound; the bounds are for g++. What the examples' command line costs (CLI11) is not in it: that
-# is compiled once, in examples/support.
+# run: a Markdown table. With --check it fails where a bound is exceeded by more than 15 %, which is
+# how far the same file differs from machine to machine: a bare Tpik took 2.60 times the include on
+# one, 2.99 times on another, by the same compiler. User time of the fastest of three, with --check of
+# as many as it takes to stay below a bound; the bounds are for g++. What the examples' command line
+# costs (CLI11) is not in it: that is compiled once, in examples/support.
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
 check=false
@@ -47,7 +48,7 @@ row() {
     [[ $met == yes ]] && break
   done
   awk -v r="$seconds" -v d="$dense" -v b="$4" -v m="$megabytes" -v c="$5" \
-    'BEGIN { exit !((b == "-" || r <= 1.1 * b * d) && (c == "-" || m <= c)) }' ||
+    'BEGIN { exit !((b == "-" || r <= 1.15 * b * d) && (c == "-" || m <= c)) }' ||
     failures=$((failures + 1))
   awk -v what="$1" -v flags="$3" -v s="$seconds" -v d="$dense" -v b="$4" -v m="$megabytes" \
     -v c="$5" -v met="$met" 'BEGIN {
