@@ -3,7 +3,7 @@
 # run: a Markdown table. With --check it fails where a bound is exceeded by more than 15 %, which is
 # how far the same file differs from machine to machine: a bare Tpik took 2.60 times the include on
 # one, 2.99 times on another, by the same compiler. User time of the fastest of three, with --check of
-# as many as it takes to stay below a bound; the bounds are for g++. What the examples' command line
+# as many as it takes to stay below a bound, three at most; the bounds are for g++. What the examples' command line
 # costs (CLI11) is not in it: that is compiled once, in examples/support.
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
@@ -35,7 +35,7 @@ row() {
   local seconds fastest='' megabytes again met repeats=3 tries=1
   if $check; then
     [[ $4 != - ]] || return 0
-    repeats=1 tries=6
+    repeats=1 tries=3
   fi
   # What disturbs a measurement only adds to it: with --check a row that is over is measured again.
   for ((again = 0; again < tries; ++again)); do

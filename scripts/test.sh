@@ -5,7 +5,7 @@
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
 need g++:g++ clang:clang++ cmake:cmake ninja-build:ninja ccache:ccache doxygen:doxygen \
-  gnuplot-nox:gnuplot libeigen3-dev libgtest-dev libbenchmark-dev libcli11-dev libmujoco-dev \
+  gnuplot-nox:gnuplot libeigen3-dev libgtest-dev libcli11-dev libmujoco-dev \
   liburdfdom-dev liborocos-kdl-dev time:/usr/bin/time git:git
 need_compiler
 

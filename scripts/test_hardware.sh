@@ -11,7 +11,7 @@ npm_peers() {
 }
 
 need g++:g++ clang:clang++ cmake:cmake ninja-build:ninja ccache:ccache libeigen3-dev libgtest-dev \
-  libmujoco-dev libopencv-dev gnuplot-nox:gnuplot libcli11-dev cyclonedds-dev libfastrtps-dev nodejs:node npm:npm \
+  libmujoco-dev libbenchmark-dev libopencv-dev gnuplot-nox:gnuplot libcli11-dev cyclonedds-dev libfastrtps-dev nodejs:node npm:npm \
   libroscpp-dev libsensor-msgs-dev libnav-msgs-dev libgeometry-msgs-dev libstd-msgs-dev \
   python3-roslaunch:roscore python3-rostopic:rostopic python3-rospy python3-sensor-msgs \
   python3-nav-msgs python3-geometry-msgs python3-std-msgs \
