@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# All that must pass: the tests in Release, the tests with sanitizers, the documentation, the demo as
-# the README says it, what a user's file costs to compile, and that all this takes no longer than 25
-# minutes from a fresh clone on two cores.
+# What must pass, but for test_hardware.sh: the tests in Release, the tests with sanitizers, the
+# documentation, the demo as the README says it, what a user's file costs to compile, and that all this
+# takes no longer than 25 minutes from a fresh clone on two cores.
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
 need g++:g++ clang:clang++ cmake:cmake ninja-build:ninja ccache:ccache doxygen:doxygen \
