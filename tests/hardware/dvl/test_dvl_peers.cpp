@@ -14,6 +14,7 @@
 #include "tests/hardware/dvl/frames.hpp"
 #include "tests/hardware/support/loop.hpp"
 #include "tests/hardware/support/process.hpp"
+#include "tests/hardware/support/sender.hpp"
 #include "tests/hardware/support/tcp.hpp"
 
 namespace {
@@ -165,13 +166,7 @@ void loop(const char* form, double stream_rate) {
   hardware::Process sender(
       {ICAT_PYTHON, ICAT_PEERS "/dvl_peer.py", "stream", form, std::to_string(stream_rate)});
   hardware::Descriptor port;
-  const auto connect = [&] {
-    ASSERT_TRUE(sender.wait_for(" port\n", 30));
-    port.reset(hardware::connect_within(
-        static_cast<std::uint16_t>(std::atoi(sender.output().c_str() + 5)), 10));
-    ASSERT_GE(port.get(), 0);
-  };
-  connect();
+  hardware::connect_to(sender, port);
   Decoder dvl;
   std::array<std::uint8_t, 4096> block;
   const double limit = 0.5, rate = 200, seconds = hardware::loop_seconds();
@@ -224,7 +219,7 @@ void loop(const char* form, double stream_rate) {
 
   // The numbers begin anew; more than a second has passed, and the clock went on.
   sender.start();
-  connect();
+  hardware::connect_to(sender, port);
   hardware::run_loop(rate, 0.7, cycle);
   EXPECT_EQ(command, 0.2);
   EXPECT_LT(dvl.sample().value.ensemble, 100u);

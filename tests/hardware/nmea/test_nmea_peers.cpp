@@ -17,6 +17,7 @@
 #include "icat/adapters/nmea_sentence.hpp"
 #include "tests/hardware/support/loop.hpp"
 #include "tests/hardware/support/process.hpp"
+#include "tests/hardware/support/sender.hpp"
 #include "tests/hardware/support/tcp.hpp"
 
 namespace {
@@ -173,13 +174,7 @@ TEST(NmeaPeers, LocalFrameIsThatOfPymap3d) {
 TEST(NmeaPeers, LoopAgainstAStream) {
   hardware::Process sender(peer({"stream", "200"}));
   hardware::Descriptor port;
-  const auto connect = [&] {
-    ASSERT_TRUE(sender.wait_for(" port\n", 30));
-    port.reset(hardware::connect_within(
-        static_cast<std::uint16_t>(std::atoi(sender.output().c_str() + 5)), 10));
-    ASSERT_GE(port.get(), 0);
-  };
-  connect();
+  hardware::connect_to(sender, port);
   NmeaDecoder nmea;
   std::array<std::uint8_t, 4096> block;
   const double limit = 0.5, rate = 200, seconds = hardware::loop_seconds();
@@ -223,7 +218,7 @@ TEST(NmeaPeers, LoopAgainstAStream) {
   EXPECT_LT(std::abs(nmea.depth().value.depth - depth), 1);
 
   sender.start();
-  connect();
+  hardware::connect_to(sender, port);
   hardware::run_loop(rate, 0.5, cycle);
   EXPECT_EQ(command, 0.2);
   EXPECT_EQ(nmea.damaged(), 0u);
