@@ -181,7 +181,7 @@ class SchemaWriter {
   }
   std::string property(const ConfigKey& k) {
     std::string about(k.about);
-    if (k.live) about.append(" (may change while it runs)");
+    if (k.live) about.append(" (may change at run time)");
     // Beside $ref editors look at nothing else, so both stand in a list of one.
     return quoted(k.name) + ": {\"description\": " + quoted(about) + ", \"allOf\": [" + value(k) +
            "]}";
