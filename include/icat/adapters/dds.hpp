@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// A robot that speaks ROS 2, without ROS: Eclipse Cyclone DDS with the names and types that ROS 2
-/// gives its topics [design.ros2.org, Topic and Service name mapping to DDS]. The program links
-/// `CycloneDDS::ddsc` and nothing else; docs/ros2.md has the lines of CMake.
+/// Communication with a ROS 2 robot without ROS: Eclipse Cyclone DDS with the names and types that
+/// ROS 2 gives its topics [design.ros2.org, Topic and Service name mapping to DDS]. The program
+/// links `CycloneDDS::ddsc` and nothing else; docs/ros2.md has the lines of CMake.
 ///
 ///     DdsJointStates    rt/joint_states           sensor_msgs::msg::dds_::JointState_         in
 ///     DdsOdometry       rt/odom                   nav_msgs::msg::dds_::Odometry_              in

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// What the navigation said last of the base, carried forward to the present: the joints run faster
-/// than the navigation [MARIS, III-B9], and between its samples the base moves on.
+/// The last estimate of the base's pose and velocity, extrapolated to the present: the joints run
+/// faster than the navigation [MARIS, III-B9], and the base moves between its samples.
 ///
 ///     ⁰T_b(t) = ⁰T_b(t₀) exp(v (t − t₀))
 ///

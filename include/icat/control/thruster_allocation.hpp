@@ -5,12 +5,12 @@
 ///
 ///     w = B f,   column i of B: [dᵢ; pᵢ × dᵢ],   fᵢ in [minimumᵢ, maximumᵢ]
 ///
-/// Groups of components of w come one after the other. S is what a group may still get: the values
-/// of its components over all thrusts within limits that give the groups before it what they got.
-/// It gets s r, r its request, s the largest factor in [0, 1] with s r in S. Thrusts that the
-/// groups before have not chosen yet, their whole null space, are part of S. The half-spaces of S
-/// are listed when the layout changes (zonotope.hpp), so that the linear program s = max is one
-/// pass. Among all thrusts that give what all groups got, the shortest vector is taken
+/// Groups of components of w are allocated one after the other. S is the set of values that a group
+/// can take, over all thrusts within limits that keep the values of the groups before it. It gets s
+/// r, r its request, s the largest factor in [0, 1] with s r in S. Thrusts that the groups before
+/// have not chosen yet, their whole null space, are part of S. The half-spaces of S are listed when
+/// the layout changes (zonotope.hpp), so that the linear program s = max is one pass. Among all
+/// thrusts that give the allocated values, the vector of least norm is chosen
 /// (bounded_least_norm.hpp). [MARIS] prints the scheme and neither formulas nor a geometry.
 ///
 /// Continuity. S changes continuously with what the groups before got. If 0 is inside S, then so
@@ -43,7 +43,7 @@ enum class WrenchComponent { surge, sway, heave, roll, pitch, yaw };
 using WrenchPriority = std::vector<std::vector<WrenchComponent>>;
 
 /// The order of [MARIS, III-D]: yaw, then surge and sway, then heave, which has thrusters of its
-/// own. Roll and pitch are not controlled: whatever comes with the others is accepted.
+/// own. Roll and pitch are not controlled: the moments that the other groups cause are accepted.
 [[gnu::cold]] inline WrenchPriority torque_before_force() {
   return {{WrenchComponent::yaw},
           {WrenchComponent::surge, WrenchComponent::sway},

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// From a velocity of a vehicle to a wrench: a PI loop for each component with feed-forward
+/// The velocity loop of a vehicle: a PI loop for each component of the wrench, with feed-forward
 /// [MARIS, III-C]. The paper prints neither equations nor gains; these are ours.
 ///
 /// A model of the vehicle follows the reference r as a first-order lag, and the vehicle follows the
@@ -133,7 +133,7 @@ class VehicleLoop {
   const Vector6& wrench() const noexcept { return wrench_; }
   /// ṽ: where the vehicle should be on its way to the reference; m/s, rad/s.
   const Vector6& model_velocity() const noexcept { return model_; }
-  /// s: what the model does not explain, N and N m.
+  /// s, the integral part: the wrench that the model does not contain, N and N m.
   const Vector6& integral() const noexcept { return loop_.integral(); }
 
  private:

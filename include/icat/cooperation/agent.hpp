@@ -9,12 +9,13 @@
 ///
 /// with components on ⟨t⟩, the frame of the shared tasks. In the second hierarchy the tool task is
 /// on top instead of in its place; where an action begins or ends to be shared, one fades in while
-/// the other fades out. What the base of a `MobileRobot` does not track its joints may make up for,
-/// see control/base_compensation.hpp [Coop, IV-D].
+/// the other fades out. The joints of a `MobileRobot` may compensate the tracking error of its
+/// base, see control/base_compensation.hpp [Coop, IV-D].
 ///
 /// Limits come before the agreement: an agent proposes what its own box of `MotionLimits` allows.
-/// Where the box still cuts what was agreed on, the tool moves otherwise than agreed: `cut` says by
-/// how much, and the next proposals are as slow. Give the tool tasks rates that leave room.
+/// If the box still reduces the agreed velocity, the tool does not move as agreed: `cut` says by
+/// how much, and the next proposals are as slow. Choose maximum rates of the tool tasks well below
+/// the limits.
 #pragma once
 
 #include <algorithm>

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// One agent's side of the exchange [Coop, IV-B]: what it said, what it heard, what was agreed on,
-/// and what to do when nothing is heard.
+/// One agent's side of the exchange [Coop, IV-B]: its proposals, the received ones, the agreed
+/// velocity, and the fallback without messages.
 ///
 /// Messages belong to rounds, numbered by the caller: control cycles on a fast channel, pairs of
 /// slots on a half-duplex one. The number is no part of the message; it follows from the schedule,
 /// or from the modem's own header. A round in which all were heard yields the velocity agreed on.
-/// Every agent fuses the same float32 numbers, its own included, in the same order, so all come to
-/// the same bits. A message that is lost, late or doubled spoils its own round only.
+/// Every agent fuses the same float32 numbers, its own included, in the same order, so all results
+/// agree in every bit. A message that is lost, late or doubled affects its own round only.
 ///
 /// The velocity is held until the next round; after `hold` seconds without one the agent falls
 /// back. Between agreed and fallen back the velocity fades, in either direction. An agent cannot
@@ -24,13 +24,13 @@
 /// **Latest.** On a half-duplex channel the agents speak in turns, so their proposals of one round
 /// belong to different instants [Coop, V-B]. With the option `latest` an agent does not wait for a
 /// round to be complete: in every `update` it fuses its own present proposal with the last one it
-/// heard of each of the others. The velocity is up to date, but the agents come to different bits,
-/// and the object takes up the difference. It is held while each of the others is heard again
-/// within `hold`.
+/// heard of each of the others. The velocity has no delay, but the agents' velocities differ, and
+/// the difference loads the object. It is held while each of the others is heard again within
+/// `hold`.
 ///
-/// **Pace** (beyond the paper, an option). All agents follow the velocity agreed on, or the object
-/// is torn. Each says with its proposal which fraction of it the agent can follow, 1 as long as it
-/// can, and
+/// **Pace** (beyond the paper, an option). If one agent does not follow the agreed velocity, the
+/// grippers pull the object apart. Each agent sends with its proposal the fraction of it that it
+/// can follow, 1 as long as it can, and
 ///
 ///     ẋ̂_t = f(ẋ_1, …, ẋ_N) min_i pace_i
 ///
@@ -212,7 +212,7 @@ class Agreement {
   const Vector6<Scalar>& velocity() const noexcept { return velocity_; }
   /// There is an agreement that is not too old; otherwise the agent falls back.
   bool agreed() const noexcept { return agreed_; }
-  /// Which fraction of the velocity agreed on this agent says it can follow, 0 … 1.
+  /// The fraction of the agreed velocity that this agent can follow, 0 … 1.
   double pace() const noexcept { return pace_; }
   /// The smallest that was said, the one in `velocity`, 0 … 1.
   double agreed_pace() const noexcept { return commanded_pace_; }

@@ -3,7 +3,7 @@
 /// What agents send each other: float32 numbers, little-endian, nothing else. A tool velocity is 6
 /// of them, 192 bits [Coop, IV-B]; with the span of the tool task 36 more, 1344 bits.
 ///
-/// There is no header and no checksum: framing and integrity are the modem's.
+/// There is no header and no checksum: the modem must provide framing and integrity.
 ///
 /// The **pace** of an agent, the fraction of the agreed velocity that it can follow (see
 /// agreement.hpp), needs no number of its own: the two lowest bits of the six numbers of a tool

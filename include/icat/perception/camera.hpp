@@ -7,7 +7,7 @@
 ///
 /// ⟨k⟩ is a camera: z along its optical axis, x right and y down in the image. ⟨c⟩ is the rig, by
 /// custom its left camera. Pictures are rectified: no distortion. [MARIS, VI-A] calibrates the
-/// pinhole model in water, since the true model of a camera behind a flat port is unpractical.
+/// pinhole model in water, since the exact model of a camera behind a flat port is impractical.
 #pragma once
 
 #include <algorithm>
@@ -79,7 +79,7 @@ StereoCamera<Scalar> parallel_cameras(Scalar focal_length = Scalar(1200),
   return {left, right};
 }
 
-/// What a line is the picture of.
+/// The part of the cylinder that a line is the image of.
 enum class ContourKind {
   edge,  ///< one of the two long contours
   end    ///< the short contour at an end

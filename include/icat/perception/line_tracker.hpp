@@ -6,9 +6,10 @@
 ///     x⁻ = x + dt v,   r = z − x⁻,   x = x⁻ + α r,   v ← v + β r / dt
 ///
 /// θ wraps at ±π. ρ is taken about the middle of the image, for about its corner a small error of θ
-/// would move ρ by hundreds of pixels. A line is born after some hits, each hit adds a life up to a
-/// cap, each miss takes one, and with no life left it is dead. Of several lines the one nearest to
-/// the prediction is taken, if it is within the gates. Gains and gates are ours.
+/// would move ρ by hundreds of pixels. A track is valid after `born` hits; each hit adds one to a
+/// counter up to `lives`, each miss subtracts one, and at zero the track is deleted. Of several
+/// lines the one nearest to the prediction is taken, if it is within the gates. Gains and gates are
+/// ours.
 #pragma once
 
 #include <numbers>
