@@ -85,7 +85,7 @@ constexpr const char* describe(Status status) noexcept {
     case Status::round_out_of_range:
       return "a round too far from this agent's own";
     case Status::implausible:
-      return "a velocity, difficulty or span beyond the plausible";
+      return "an implausible velocity, difficulty or span";
     case Status::outlier:
       return "a measurement too far from the estimate";
     case Status::late_measurement:
