@@ -39,7 +39,7 @@ enum class ArduSubMode : std::uint32_t {
   motor_detect = 20  ///< finds out how its thrusters turn
 };
 
-/// Who speaks to whom, and how often.
+/// Addresses, rates and time limits.
 struct MavlinkOptions {
   /// Ours. ArduSub's failsafes and its sticks listen to the system of its parameter MAV_GCS_SYSID
   /// (SYSID_MYGCS before 4.7), 255 as delivered.
@@ -143,9 +143,9 @@ class MavlinkVehicle {
   void arm() noexcept { requests_.ask(Requests::arming, 1, 0); }
   /// Asks for the thrusters to be disabled, before anything else that was asked.
   void disarm() noexcept { requests_.ask(Requests::arming, 0, 0); }
-  /// What became of the last `set_mode`.
+  /// State of the last `set_mode`.
   MavlinkRequest mode_request() const noexcept { return requests_.state(Requests::mode); }
-  /// What became of the last `arm` or `disarm`.
+  /// State of the last `arm` or `disarm`.
   MavlinkRequest arm_request() const noexcept { return requests_.state(Requests::arming); }
 
   /// Whether a set velocity moves the vehicle at `now`: it is armed, in GUIDED, in no failsafe, its

@@ -103,8 +103,8 @@ class Controller {
     if (status == Status::ok) ramp_.resume(duration, limits_.command(), pending());
     return status;
   }
-  /// The command goes to zero over `duration` seconds, more slowly where limits of acceleration ask
-  /// for it, and stays there until `start` or `switch_to`. From any state.
+  /// The command goes to zero over `duration` seconds, more slowly if acceleration limits require
+  /// it, and stays there until `start` or `switch_to`. From any state.
   Status stop(double time, double duration) noexcept {
     if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
     const Status status = solver_.tick(time);

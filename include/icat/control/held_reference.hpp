@@ -28,8 +28,8 @@ class HeldReference {
         held_(detail::zeros<VectorN>(size)),
         value_(held_) {}
 
-  /// A new reference. What is not finite or of another size is refused: the one before stays, and
-  /// gets old.
+  /// A new reference. A value that is not finite or of another size is refused: the one before
+  /// stays, and its age grows.
   Status set(const VectorN& reference) noexcept {
     if (reference.size() != held_.size()) return Status::wrong_size;
     if (!detail::all_finite(reference)) return Status::non_finite;

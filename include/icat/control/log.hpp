@@ -185,7 +185,7 @@ class Log {
 
   /// Samples that it has, the oldest first.
   std::size_t size() const noexcept { return size_; }
-  /// Samples that found no place, or whose place a newer one took.
+  /// Samples that were not kept: the memory was full, or a newer one replaced them.
   std::size_t lost() const noexcept { return lost_; }
   /// Samples that `begin` refused because of their time.
   std::size_t refused() const noexcept { return refused_; }
@@ -193,7 +193,7 @@ class Log {
   double time(std::size_t i) const noexcept { return times_[place(i)]; }
   /// Texts that it has, in the order they came.
   std::size_t text_count() const noexcept { return text_count_; }
-  /// Texts that found no place.
+  /// Texts that were not kept: the memory was full.
   std::size_t texts_lost() const noexcept { return texts_lost_; }
   /// Text `i` < text_count().
   Text text(std::size_t i) const noexcept {

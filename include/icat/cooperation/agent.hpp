@@ -33,13 +33,13 @@
 
 namespace icat {
 
-/// An action in which the tool's velocity is agreed on, and its task that says where the object is
-/// to go. Refers to a task of the caller's.
+/// An action with an agreed tool velocity, and its task with the goal of the object. Refers to a
+/// task of the caller's.
 template <FramedRobot R>
 struct SharedAction {
   /// Name of the action.
   std::string action;
-  /// The task that the agreed velocity stands in for; its frame is ⟨t⟩.
+  /// The task that the agreed velocity replaces; its frame is ⟨t⟩.
   std::reference_wrapper<task::FramePose<R>> tool;
 };
 
@@ -73,7 +73,7 @@ class Agent {
   struct Options {
     /// As of a controller: given columns, both hierarchies, limits, late and bad input.
     typename Controller<R, Regularization>::Options controller{};
-    /// The joints make up for what the base does not track; for a `MobileRobot` only.
+    /// The joints compensate the tracking error of the base; for a `MobileRobot` only.
     bool compensation{false};
     /// Of the exchange.
     AgreementOptions<Scalar> agreement{};
@@ -134,7 +134,7 @@ class Agent {
     return second_.start(action, time);
   }
   /// As `Controller::switch_to`. A refusal changes nothing. In a fade from rest the tool follows
-  /// what is agreed on from the first cycle; what else the robot does fades in.
+  /// the agreed velocity from the first cycle; the other tasks fade in.
   Status switch_to(std::string_view action, double time, double duration) noexcept {
     if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
     const bool runs = !ramp_.rests();
@@ -156,8 +156,8 @@ class Agent {
     return status;
   }
 
-  /// Step 1; given columns as in `Controller::step`. Bad input as in `Controller::step`; on it the
-  /// last proposal is withdrawn: there is nothing to send until a better one comes.
+  /// Step 1; given columns as in `Controller::step`. Bad input as in `Controller::step`; then the
+  /// last proposal is withdrawn: there is nothing to send until the next valid one.
   Status propose(double time, InputAge age = {}) noexcept { return propose(time, nullptr, age); }
   /// The same with the velocity that is measured, n; its given columns count.
   Status propose(double time, const Velocity& measured, InputAge age = {}) noexcept {

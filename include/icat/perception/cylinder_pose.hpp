@@ -31,7 +31,7 @@
 
 namespace icat {
 
-/// What the lines of one picture say of a cylinder.
+/// The pose of a cylinder from the lines of one pair of images.
 template <class Scalar>
 struct CylinderMeasurement {
   Pose<Scalar> frame = IdentityPose{};  ///< ⟨o⟩ in ⟨c⟩, m: y along the axis, z down
@@ -113,7 +113,7 @@ struct LinePlane {
 template <class Scalar>
 class CylinderPose {
  public:
-  /// What is known, and what is too bad.
+  /// Known quantities, and limits of accepted measurements.
   struct Options {
     CylinderShape<Scalar> shape{};  ///< radius and length, m
     /// d has a component >= 0 along this, on ⟨c⟩; any length. A cylinder has two directions.

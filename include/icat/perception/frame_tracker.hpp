@@ -77,9 +77,9 @@ class FrameTracker {
     }
   }
 
-  /// The vehicle is here now, ⟨v⟩ in ⟨0⟩: to be called at any rate, and before a picture. Where
-  /// `position_known` is false only its turn counts. What is not finite or rigid is refused; the
-  /// motion is made up for by the next call. No allocation.
+  /// The present pose of the vehicle, ⟨v⟩ in ⟨0⟩: to be called at any rate, and before an image. If
+  /// `position_known` is false only its rotation counts. What is not finite or rigid is refused;
+  /// the motion is made up for by the next call. No allocation.
   Status predict(const Pose<Scalar>& vehicle, bool position_known = true) noexcept {
     const Status status = check(vehicle);
     if (status != Status::ok) return status;
@@ -130,7 +130,7 @@ class FrameTracker {
     hits_ = misses_ = 0;
   }
 
-  /// Seen often enough, and not too long ago.
+  /// The track is valid: enough detections, and the last one is not too old.
   bool valid() const noexcept { return valid_; }
   /// Pictures since the last hit.
   int misses() const noexcept { return misses_; }

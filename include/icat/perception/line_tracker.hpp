@@ -68,9 +68,10 @@ class LineTracker {
 
   /// The lines of a picture, `dt` s after the one before (>= 0; more than 1 s counts as 1 s). Those
   /// of the other camera or kind, and those that are not finite, do not count. Returns which one
-  /// was taken; −1, a miss, where none was, or where `dt` is none. A dead tracker takes the first
-  /// that counts and `excluded` does not name: a pair of contours is followed by two trackers, the
-  /// second of which is told what the first took. Step the one that is alive first. No allocation.
+  /// was taken; −1, a miss, where none was, or where `dt` is none. A tracker without a valid track
+  /// takes the first such line other than `excluded`: two trackers follow a pair of contours, and
+  /// the second gets the first's choice as `excluded`. Step the one with a valid track first. No
+  /// allocation.
   int step(double dt, std::span<const ContourLine<Scalar>> lines, int excluded = -1) noexcept {
     if (detail::check_step(dt) != Status::ok) {
       miss();
@@ -104,7 +105,7 @@ class LineTracker {
     return best;
   }
 
-  /// Born, and not dead since.
+  /// The track is valid.
   bool alive() const noexcept { return alive_; }
   /// The line as it is now, with the covariance of the last one taken, an upper bound. It means
   /// something only while `alive`.

@@ -33,7 +33,7 @@
 
 namespace icat {
 
-/// The lines of a pair of pictures, as many as there are.
+/// The lines of a pair of images.
 template <class Scalar>
 struct PipeView {
   std::array<ContourLine<Scalar>, 8> line;  ///< the first `count` mean something
@@ -97,10 +97,10 @@ class StereoPipe {
     }
   }
 
-  /// To be called in each step of the simulation: what has arrived at `time`, s, and when it was
-  /// taken. A picture without any line arrives, too, and so does one of poses that are not finite.
-  /// Nothing where the time is not finite; where it is earlier than the last picture the schedule
-  /// begins anew. No allocation.
+  /// To be called in each step of the simulation: the lines that have arrived at `time`, s, and the
+  /// time of their images. An image without any line arrives, too, and so does one of poses that
+  /// are not finite. Nothing where the time is not finite; where it is earlier than the last
+  /// picture the schedule begins anew. No allocation.
   /// @param time     s
   /// @param vehicle  ⟨v⟩ in ⟨0⟩
   /// @param pipe     ⟨o⟩ in ⟨0⟩
