@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The page of [MARIS]: a vehicle with an arm grasps a pipe in a pool."""
 import os
+import re
+import sys
 
 from page import NOT_REPRODUCED, Page, Report, arguments, off
 
@@ -17,24 +19,26 @@ grasp, navigation, loop, feedback, eyes, calibration, hand = (
                                         "12_velocity_feedback", "14_perception", "15_calibration",
                                         "17_hand"])
 campaign = Report(of("16_maris_campaign", "table.txt"))
+COUNT = r" +(\d+) of +(\d+) +([\d.]+) % +([\d.]+) \.\.\. +([\d.]+)"
+attempts = campaign.find("^April without DVL" + COUNT)[1]
 
 page = Page(
     "[MARIS] again, ours beside the paper's",
     "E. Simetti and others, *Autonomous Underwater Intervention: Experimental Results of the MARIS "
     "Project*, IEEE Journal of Oceanic Engineering 43(3), 2018.",
-    "./scripts/reproduce.sh maris        # 300 attempts of each campaign; or maris 30",
+    f"./scripts/reproduce.sh maris {attempts:.0f}    # attempts of each campaign; without a number 300",
     "from what the examples named in the tables print and draw. *Paper* is printed there, *here* is "
     "measured in this run. The paper reports trials in a pool; all that is here is simulated. Vehicle, "
     "thrusters, sensors, water and hand have numbers that the paper does not print: each page that is "
     "linked says which, and [the campaign](campaign.md) which of them were tuned.")
 
-PHOTO = "a photograph"
+PHOTO, PHOTOS = "a photograph", "photographs"
 DRAWING = "a drawing of a device"
 HARDWARE = "hardware: nothing of it can be computed"
 
 # --- figures -------------------------------------------------------------------------------------
 
-kinds = sorted({row.split()[2] for row in hand.after(r"^pipe .*\n").text.split("\n\n")[0].split("\n")
+kinds = sorted({row.split()[2] for row in hand.part(r"^pipe .*\n", r"^largest").text.split("\n")
                 if " mm " in row})
 joints, motors = hand.find(r"^(\d+) joints on (\d+) motors")
 wrist_force, wrist_torque, share_force, share_torque = hand.find(
@@ -42,7 +46,7 @@ wrist_force, wrist_torque, share_force, share_torque = hand.find(
 mount, mount_angle = calibration.find(
     r"^in-water parameters +[\d.]+ mm +[\d.]+ mrad +([\d.]+) mm +([\d.]+) mrad")
 corners = calibration.value(r"^the board on the wrist: (\d+) corners found")
-pipe = calibration.after(r"^the axis of a pipe")
+pipe = calibration.part(r"^the axis of a pipe")
 air, water = pipe.find(r"^ *2\.0 m +([\d.]+) +([\d.]+)")
 
 
@@ -62,7 +66,7 @@ bare = loop.value(r"^PI alone +overshoot +([\d.]+) %")
 ROW = r" +([\d.]+) +([\d.]+) +([\d.]+) +([\d.]+)"  # joints, acceleration, rates, tool in mm
 open_loop, fifty = feedback.find("^no filter" + ROW), feedback.find("^filter 50 rad/s" + ROW)
 gain = feedback.value(r"The loop's gain is ([\d.]+)")
-lifted = grasp.after(r"^plain: ").value(r"tool error at grasp +([\d.]+) mm")
+lifted = grasp.part(r"^plain: ", r"^underactuated: ").value(r"tool error at grasp +([\d.]+) mm")
 
 page.text("## Figures")
 page.figures([
@@ -73,7 +77,7 @@ page.figures([
      "lengths and angles are not printed, ours are [the hand](hand.md)'s"],
     ["Fig. 4", "drawings of postures of the gripper", f"picture below, {', '.join(kinds)}; open and closed",
      "as Fig. 3"],
-    ["Fig. 5a, 5b", f"{PHOTO}s: a motor in its tube", NOT_REPRODUCED, HARDWARE],
+    ["Fig. 5a, 5b", f"{PHOTOS}: a motor in its tube", NOT_REPRODUCED, HARDWARE],
     ["Fig. 6", f"{PHOTO}: the gripper on the bench of its wrist sensor", NOT_REPRODUCED, HARDWARE],
     ["Fig. 7a, 7b", f"{DRAWING}, {PHOTO}: inside of the wrist sensor", NOT_REPRODUCED, HARDWARE],
     ["Fig. 8a", "force by the wrist sensor beside a reference",
@@ -94,15 +98,15 @@ page.figures([
      f"picture below; the axis of a pipe at 2 m off by {air:.0f} mm and {water:.1f} mm",
      "rendered through a port of ours; the paper prints no error"],
     ["Fig. 13a", "day, clear: detected", condition("day, clear"), "rendered"],
-    ["Fig. 13b", "night, clear, headlights: detected", condition("night, clear"),
+    ["Fig. 13b", "night, clear, headlights: detected", condition("night, clear, headlights"),
      "rendered, the same parameters as by day"],
     ["Fig. 13c", "slightly turbid: intermittent", condition("slightly turbid"),
      "turbidity is not printed; ours is at the border by choice"],
     ["Fig. 13d", "very turbid: unable to operate", condition("very turbid"), "rendered"],
-    ["Fig. 14", "a surge velocity follows its reference in a current",
+    ["Fig. 14", "response of the surge controller, its feedback corrected for the current",
      f"picture below, by `examples/11_vehicle_loop`; overshoot {overshoot:.1f} %, within 2 % after "
      f"{settled:.1f} s; PI alone {bare:.1f} %", "axes and gains are not in the text"],
-    ["Fig. 15", f"{PHOTO}s: a grasp out of the water", NOT_REPRODUCED,
+    ["Fig. 15", f"{PHOTOS}: a grasp out of the water", NOT_REPRODUCED,
      "hardware, of the arm alone in air; Fig. 19 has a grasp in the water"],
     ["Fig. 16", "left and right pictures: arm's mask, measured and tracked contours, at night",
      f"picture below, by `examples/14_perception`; {past_arm:.0f} of {pictures:.0f} pictures give the "
@@ -118,7 +122,7 @@ page.figures([
     ["Fig. 18b", "joint references are much smoother",
      f"picture below, second column, below; {fifty[0]:.3f} rad/s rms, a factor of "
      f"{open_loop[0] / fifty[0]:.1f} less", "no amplitude is in the text"],
-    ["Fig. 19", f"{PHOTO}s: a grasp from the pool's floor",
+    ["Fig. 19", f"{PHOTOS}: a grasp from the pool's floor",
      f"picture below, by `examples/01_grasp`; the tool {lifted:.3f} mm off at the grasp",
      "drawn of a kinematic simulation; the grasps of the campaign have dynamics and are in Table I"],
 ])
@@ -137,28 +141,33 @@ for name, program, picture, caption in [
 
 # --- Table I -------------------------------------------------------------------------------------
 
-COUNT = r" +(\d+) of +(\d+) +([\d.]+) % +([\d.]+) \.\.\. +([\d.]+)"
 SETS = {"October 2015": ("25%", "NO", "turbidity was tuned on this campaign"),
         "December 2015": ("30.7%", "NO", "the umbilical's pull was tuned on this campaign"),
         "April 2016": ("70.5%", "YES", "a prediction; [too good, and left so](campaign.md)")}
+
+
+def points(rate, other):
+    """The difference of two rates in per cent."""
+    return f"{rate - other:+.0f} points" if abs(rate - other) >= 0.5 else "0 points"
+
+
 rows = []
 rates = {}
-attempts = 0
 for name, (printed, dvl, why) in SETS.items():
-    (there, tried, paper, low, high, here, attempts, rate, lower, upper) = campaign.find(
+    (there, tried, paper, low, high, here, of_all, rate, lower, upper) = campaign.find(
         "^" + name + COUNT + COUNT)
     rates[name] = rate
     inside = "inside its interval" if low <= rate <= high else "outside its interval"
     rows.append([name, dvl, f"{there:.0f} of {tried:.0f}: {printed} ({low:.1f} to {high:.1f})",
-                 f"{here:.0f} of {attempts:.0f}: {rate:.1f} % ({lower:.1f} to {upper:.1f})",
-                 f"{rate - paper:+.0f} points, {inside}", why])
+                 f"{here:.0f} of {of_all:.0f}: {rate:.1f} % ({lower:.1f} to {upper:.1f})",
+                 f"{points(rate, paper)}, {inside}", why])
 for name, dvl, why in [
         ("April without compensation", "YES", "worse than December: the DVL alone is no cure"),
         ("April without filter", "YES", "the filter quiets the joints; grasps do not need it here"),
         ("April without DVL", "NO", "without DVL there is nothing to compensate")]:
-    here, attempts, rate, lower, upper = campaign.find("^" + name + COUNT)
-    rows.append([name, dvl, "–", f"{here:.0f} of {attempts:.0f}: {rate:.1f} % ({lower:.1f} to "
-                 f"{upper:.1f})", f"{rate - rates['April 2016']:+.0f} points to April", why])
+    here, of_all, rate, lower, upper = campaign.find("^" + name + COUNT)
+    rows.append([name, dvl, "–", f"{here:.0f} of {of_all:.0f}: {rate:.1f} % ({lower:.1f} to "
+                 f"{upper:.1f})", f"{points(rate, rates['April 2016'])} to April", why])
 page.text(f"## Table I: success of grasps\n\n{attempts:.0f} attempts of each campaign, by "
           "`examples/16_maris_campaign`; in brackets the interval of 95 % by Wilson. The paper prints "
           "rates without intervals. With few attempts the rates here are as unsure as their intervals "
@@ -171,7 +180,10 @@ page.picture("campaign", of("16_maris_campaign", "attempts.png"),
 # --- numbers -------------------------------------------------------------------------------------
 
 pairs = eyes.value(r"([\d.]+) pairs a second")
-thin, thick = hand.find(r"^ +(\d+) mm +parallel +held")[0], hand.find(r"^ +(200) mm +power +held")[0]
+held, left = ([float(d) for d in re.findall(rf"^ +(\d+) mm .* {end} ", hand.text, re.M)]
+              for end in ("held", "left"))
+if not held or not left:
+    sys.exit(f"error: no pipes in {hand.path}")
 force = hand.value(r"largest force of a finger: ([\d.]+) N")
 december, april = campaign.find(r"December or April +p = ([\d.]+) in the paper, ([\d.e+-]+) here")
 tools = [feedback.find(rf"^{name}" + ROW)[3] for name in
@@ -179,25 +191,27 @@ tools = [feedback.find(rf"^{name}" + ROW)[3] for name in
 current, outage, worst = navigation.find(
     r"current known to ([\d.]+) cm/s; without DVL for ([\d.]+) s the velocity was off by ([\d.]+) cm/s")
 compensated = grasp.value(r"the compensation makes the tool error (\d+) times smaller")
-ratio = rates["April 2016"] / rates["December 2015"] if rates["December 2015"] else float("nan")
+before, after = rates["December 2015"], rates["April 2016"]
 page.text("## Claims and numbers")
 page.numbers([
     ["II-B", "pictures of 1292 × 964 worked through", "about 10 Hz", f"{pairs:.0f} Hz", off(pairs, 10),
      "another processor, one core of the machine at hand; without undistortion"],
-    ["II-C", "diameters that the gripper holds", "5 to 200 mm", f"{thin:.0f} to {thick:.0f} mm", "equal",
-     "our fingers are made to; 4 and 210 mm are not held"],
+    ["II-C", "diameters that the gripper holds", "5 to 200 mm", f"{min(held):.0f} to {max(held):.0f} mm",
+     "equal" if [min(held), max(held)] == [5, 200] else "differs",
+     f"our fingers are made to; {' and '.join(f'{d:.0f}' for d in left)} mm are not held"],
     ["II-C", "largest force of a finger", "about 150 N", f"{force:.0f} N", off(force, 150),
      "the current's limit is chosen to stay below"],
     ["III-B9", "the arm makes up for the vehicle's velocity: tool error in a current", "less",
      f"{compensated:.0f} times less", "–", "kinematic vehicle with a sinusoidal current, `examples/01_grasp`"],
     ["V", "estimators of yaw rate, velocity, attitude and position", "no number",
-     f"current known to {current:.1f} cm/s; {worst:.1f} cm/s off after {outage:.1f} s without DVL", "–",
+     f"current known to {current:.1f} cm/s; velocity off by {worst:.1f} cm/s at most in {outage:.1f} s "
+     "without DVL", "–",
      "`examples/10_navigation`; states and noise are [ours](navigation.md)"],
     ["VI-D", "cut-off of the filter", "50 rad/s",
      f"the tool's error at 50 rad/s is {fifty[3] / min(tools):.2f} times the least of all tried", "–",
      "among 2 to 200 rad/s and none; from 20 rad/s on it hardly matters"],
     ["VI-D", "success from December to April", "basically doubling",
-     f"{ratio:.1f} times", off(ratio, 0.7059 / 0.3077),
+     f"from {before:.0f} to {after:.0f} %", f"× {after / before:.2g}" if before else "–",
      "April is too good here, see Table I"],
     ["Table I", "December and April differ with p, by Fisher's test", f"{december:.3f} (not printed)",
      f"{april:.2g}", "–", "from the counts"],

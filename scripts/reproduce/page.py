@@ -39,12 +39,12 @@ class Report:
         """The first group."""
         return self.find(pattern)[0]
 
-    def after(self, pattern):
-        """What follows the first match."""
-        match = re.search(pattern, self.text, re.M)
+    def part(self, begin, end=r"\Z"):
+        """What stands between the first match of one pattern and the next one of the other."""
+        match = re.search(rf"(?:{begin})((?s:.)*?)(?:{end})", self.text, re.M)
         if not match:
-            sys.exit(f"error: nothing like '{pattern}' in {self.path}")
-        return Report(self.path, self.text[match.end():])
+            sys.exit(f"error: nothing between '{begin}' and '{end}' in {self.path}")
+        return Report(self.path, match.group(1))
 
     def table(self, heading):
         """The Markdown table whose first column has this heading: its rows as lists of cells."""
@@ -70,6 +70,8 @@ def number(text):
 
 def off(here, paper):
     """By how much: in per cent, beyond a factor of 1.5 as the factor."""
+    if here == paper:
+        return "equal"
     ratio = here / paper
     if ratio > 1.5 or ratio < 1 / 1.5:
         return f"× {ratio:.2g}"
