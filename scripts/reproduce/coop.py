@@ -140,7 +140,7 @@ for task, paper in TABLE_1.items():
     rows.append(row)
 page.text("## Table I: phase-dependent activations\n\nOf the actions as the example lists them. Of "
           f"{7 * len(rows)} entries {differ} differ from the paper's.")
-page.table(["here"] + IN_PAPER, rows)
+page.table(["task"] + IN_PAPER, rows)
 
 TABLE_2 = {"added mass": ("158.4 137.1 171.3", "15 20 20", "kg", "kg m²"),
            "linear drag": ("50 50 44", "20 20 24", "N s/m", "N m s/rad"),
