@@ -14,14 +14,14 @@ forces = Report(os.path.join(loaded, "report.txt"))
 plain = report.part(r"^plain: ", r"^current: ")
 
 page = Page(
-    "[Coop] again, ours beside the paper's",
+    "[Coop]: the paper and our results compared",
     "E. Simetti, G. Casalino, *Manipulation and Transportation with Cooperative Underwater Vehicle "
     "Manipulator Systems*, IEEE Journal of Oceanic Engineering, 2016.",
     "./scripts/reproduce.sh coop",
-    "from what `examples/02_cooperative_mission` and `examples/04_table3` print and draw. *Paper* is "
-    "printed there, *here* is measured in this run, *off* is here against paper. Gains, limits and "
-    "tolerances are not in the paper. Those of the mission are told on [Cooperation]"
-    "(cooperation.md), those of Table III [under load](hydrodynamics.md).")
+    "from the output of `examples/02_cooperative_mission` and `examples/04_table3`. The column *paper* "
+    "has published values, *here* the values of this run, *off* the difference or factor between "
+    "them. The paper does not print gains, limits and tolerances. [Cooperation](cooperation.md) lists "
+    "those of the mission, [Under load](hydrodynamics.md) those of Table III.")
 
 # --- what the mission did ------------------------------------------------------------------------
 
@@ -91,7 +91,7 @@ page.figures([
     ["Fig. 4a to 4f", "screenshots of UWSim at 0, 13.71, 20, 39.3, 45 and 55 s",
      f"picture below, at 0, {ends['grasp']:.2f}, {(ends['join'] + ends['transport']) / 2:.1f}, "
      f"{ends['transport']:.2f}, {ends['deploy']:.2f} and {ends['step back']:.2f} s",
-     "lines instead of a rendered scene; the times are below"],
+     "a line drawing instead of a rendered scene; the tables below compare the times"],
     ["Fig. 5a to 5d", "joint and vehicle velocities of both robots, no jumps, no chattering but where "
      "the grasp begins and ends",
      f"picture below; largest change in a cycle {step:.4f}, at grasp and release {at_grasp:.4f}, of "
@@ -100,7 +100,7 @@ page.figures([
      "grippers close, so the grasp is no jump"],
     ["Fig. 5e, 5f", "the same from 38 to 41 s", "the last row of the picture, 38 to 41 s",
      "the phase changes at another time here"],
-    ["Fig. 6", "activations of all tasks", "picture below; {} of {} tasks of robot a had something to do, "
+    ["Fig. 6", "activations of all tasks", "picture below; {} of {} tasks of robot a were active, "
      "camera centering at most {:.2f} while grasping".format(*active("plain"), centering["plain"]),
      "the paper has camera centering below 1, too; start and thresholds are ours"],
     ["Fig. 7", "velocities in a current with compensation: the arm's are not zero while carrying",
@@ -108,7 +108,7 @@ page.figures([
      f"{carrying['plain']:.3f} in still water",
      "the amplitude of the paper's current is not printed; here 0.05 m/s"],
     ["Fig. 8", "activations in the current",
-     "picture below; {} of {} tasks of robot a had something to do".format(*active("compensated")),
+     "picture below; {} of {} tasks of robot a were active".format(*active("compensated")),
      "as Fig. 6"],
 ])
 page.picture("activation", os.path.join(mission, "activation.png"), "Fig. 2")
@@ -157,14 +157,14 @@ page.table(["parameter", "paper", "here", "off"], rows)
 
 # --- Table III -----------------------------------------------------------------------------------
 
-WHY = {"T1": "completes here: [the miss](hydrodynamics.md#the-miss-t1)",
-       "T2": "proposals and saturated arms charge the integrators, the moment most",
-       "T3": "arms in unlike postures; less of what T2 has",
-       "T4": "the filter leaves little; arms in unlike postures set what remains",
+WHY = {"T1": "it completes here: [why](hydrodynamics.md#the-difference-t1)",
+       "T2": "different proposals and saturated arms charge the integrators",
+       "T3": "different arm postures; the proposals agree",
+       "T4": "after the filter the different arm postures remain",
        "T5": "as T4, in steps of a second",
-       "T6": "two instants are fused; peaks depend on when they differ",
-       "T7": "the force modification is ours in its gain",
-       "T8": "the modification works on moments, too, here",
+       "T6": "the agents fuse velocities of different instants",
+       "T7": "the gain of the force modification is not printed",
+       "T8": "here the modification also uses the moment",
        "T9": "as T8", "T10": "as T8 and T6",
        "T11": "slow feedback costs less here: [why](hydrodynamics.md#why-the-rows-differ)"}
 # Below each test stands the paper's row.
@@ -198,14 +198,14 @@ rows = [["V-B", "relations that hold", f"{len(relations)}", f"{len(relations) - 
          "each is listed [under load](hydrodynamics.md)"]]
 for text, there, here, _ in missed:
     rows.append(["V-B", text, there, here, "does not hold",
-                 "what was tried: [the miss](hydrodynamics.md#the-miss-t1)" if "T1 " in text else
+                 "what was tried: [T1](hydrodynamics.md#the-difference-t1)" if "T1 " in text else
                  "the largest forces come from the first seconds of half duplex, whatever the feedback"])
 factor = forces.value(r"mean factor between here and there \| ([\d.]+)")
 ranks = forces.find(r"F mean, F max, M mean \| ([\d.]+), ([\d.]+), ([\d.]+)")
 rows.append(["Table III", "F mean, F max, M mean of T2 to T11, mean factor up or down", "–",
              f"{factor:.2f}", f"× {factor:.2g}", "one set of gains for all rows"])
 rows.append(["Table III", "rank correlation of F mean, F max, M mean", "–",
-             ", ".join(f"{r:.2f}" for r in ranks), "–", "1: all rows in the order of the paper"])
+             ", ".join(f"{r:.2f}" for r in ranks), "–", "1 is the same order of the rows"])
 peak, mean = forces.find(r"peak, mean \(paper [^)]*\) \| ([\d.]+) N, ([\d.]+) N")
 
 
@@ -222,8 +222,8 @@ page.numbers(rows)
 
 # --- numbers -------------------------------------------------------------------------------------
 
-page.text("## The mission's times\n\nIn seconds. How near is near enough is a tolerance that the paper "
-          "does not print; it makes the ends of phases.")
+page.text("## The mission's times\n\nIn seconds. The paper does not print the tolerances "
+          "at which phases end.")
 there, took = times("phase ends at (s)", PAPER), times("phase takes (s)", PAPER)
 rows = []
 for phase, name in zip(PHASES, IN_PAPER, strict=True):

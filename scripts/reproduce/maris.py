@@ -23,18 +23,18 @@ COUNT = r" +(\d+) of +(\d+) +([\d.]+) % +([\d.]+) \.\.\. +([\d.]+)"
 attempts = campaign.find("^April without DVL" + COUNT)[1]
 
 page = Page(
-    "[MARIS] again, ours beside the paper's",
+    "[MARIS]: the paper and our results compared",
     "E. Simetti and others, *Autonomous Underwater Intervention: Experimental Results of the MARIS "
     "Project*, IEEE Journal of Oceanic Engineering 43(3), 2018.",
     f"./scripts/reproduce.sh maris {attempts:.0f}    # attempts of each campaign; without a number 300",
-    "from what the examples named in the tables print and draw. *Paper* is printed there, *here* is "
-    "measured in this run. The paper reports trials in a pool; all that is here is simulated. Vehicle, "
-    "thrusters, sensors, water and hand have numbers that the paper does not print: each page that is "
-    "linked says which, and [the campaign](campaign.md) which of them were tuned.")
+    "from the output of the examples that the tables name. The column *paper* has published values, "
+    "*here* the values of this run. The paper reports trials in a pool; our results are simulated. The "
+    "paper does not print the parameters of vehicle, thrusters, sensors, water and hand: the linked "
+    "pages list ours, and [The campaign](campaign.md) says which of them were tuned.")
 
 PHOTO, PHOTOS = "a photograph", "photographs"
 DRAWING = "a drawing of a device"
-HARDWARE = "hardware: nothing of it can be computed"
+HARDWARE = "hardware: it cannot be computed"
 
 # --- figures -------------------------------------------------------------------------------------
 
@@ -60,7 +60,7 @@ def condition(name):
 
 
 past_arm, pictures, off_axis = eyes.find(
-    r"past the arm, at night: (\d+) of (\d+) pictures give the axis, within ([\d.]+) mm")
+    r"with the arm in view, at night: (\d+) of (\d+) images give the axis, within ([\d.]+) mm")
 overshoot, settled = loop.find(r"^PI with feed-forward +overshoot +([\d.]+) %, 2 % after +([\d.]+) s")
 bare = loop.value(r"^PI alone +overshoot +([\d.]+) %")
 ROW = r" +([\d.]+) +([\d.]+) +([\d.]+) +([\d.]+)"  # joints, acceleration, rates, tool in mm
@@ -116,7 +116,7 @@ page.figures([
      " [typical](vehicle.md#noise-of-the-measured-velocity)"],
     ["Fig. 17b", "joint references oscillate",
      f"picture below, first column, below; {open_loop[0]:.3f} rad/s rms",
-     f"they shake and do not oscillate by themselves: the gain through the vehicle is {gain:.2f}"],
+     f"here they are noisy but do not oscillate: the loop gain through the vehicle is {gain:.2f}"],
     ["Fig. 18a", "the feedback, filtered at 50 rad/s",
      f"picture below, second column, above; rates {fifty[2]:.4f} rad/s rms in truth", "as Fig. 17a"],
     ["Fig. 18b", "joint references are much smoother",
@@ -143,7 +143,7 @@ for name, program, picture, caption in [
 
 SETS = {"October 2015": ("25%", "NO", "turbidity was tuned on this campaign"),
         "December 2015": ("30.7%", "NO", "the umbilical's pull was tuned on this campaign"),
-        "April 2016": ("70.5%", "YES", "a prediction; [too good, and left so](campaign.md)")}
+        "April 2016": ("70.5%", "YES", "a prediction, not tuned; [why it is too high](campaign.md)")}
 
 
 def points(rate, other):
@@ -163,16 +163,16 @@ for name, (printed, dvl, why) in SETS.items():
                  f"{points(rate, paper)}, {inside}", why])
 for name, dvl, why in [
         ("April without compensation", "YES", "worse than December: the DVL alone is no cure"),
-        ("April without filter", "YES", "the filter quiets the joints; grasps do not need it here"),
-        ("April without DVL", "NO", "without DVL there is nothing to compensate")]:
+        ("April without filter", "YES", "the filter makes the joints smoother; the success rate here does not depend on it"),
+        ("April without DVL", "NO", "without DVL no velocity is measured that the arm could compensate")]:
     here, of_all, rate, lower, upper = campaign.find("^" + name + COUNT)
     rows.append([name, dvl, "–", f"{here:.0f} of {of_all:.0f}: {rate:.1f} % ({lower:.1f} to "
                  f"{upper:.1f})", f"{points(rate, rates['April 2016'])} to April", why])
 page.text(f"## Table I: success of grasps\n\n{attempts:.0f} attempts of each campaign, by "
           "`examples/16_maris_campaign`; in brackets the interval of 95 % by Wilson. The paper prints "
           "rates without intervals. With few attempts the rates here are as unsure as their intervals "
-          "say. Why attempts fail, and what the ablations mean, is told on [its page](campaign.md); "
-          "explanations here are those of its 100 attempts.")
+          "say. [The campaign](campaign.md) explains "
+          "why attempts fail and what the ablations mean; the reasons below come from its 100 attempts.")
 page.table(["campaign", "DVL", "paper", "here", "off", "why"], rows)
 page.picture("campaign", of("16_maris_campaign", "attempts.png"),
              "One attempt of each; the paper prints no such figure.")
@@ -219,8 +219,8 @@ page.numbers([
 page.text("Taken from the paper as they are: the mission's three steps, the seven levels of the grasp, "
           "TPIK 1 and 2, torque before force, the vehicle's size and a weight between the published "
           "ones, the pipe of 1 m and 5 cm, the region of colour, the gripper's structure and its 4.5 and "
-          "1 daN, 3 to 4 m of water. What it says twice and differently is [listed]"
+          "1 daN, 3 to 4 m of water. Its contradictions are [listed]"
           "(mathematics.md#slips-of-the-papers).\n\n"
-          "Not in the numbers above and not here: the CAN line and the processes of Fig. 10 as they were "
-          "(for drives on CANopen see [there](canopen.md)), the palm camera, the pool.")
+          "Not simulated: the CAN line and the processes of Fig. 10 ([CANopen drives](canopen.md) have "
+          "their own tests), the palm camera, the pool.")
 page.write("reproduce_maris", folder)

@@ -9,15 +9,15 @@ run = os.path.join(runs, "03_nsb_dual_arm")
 report = Report(os.path.join(run, "report.txt"))
 
 page = Page(
-    "[NSB] again, ours beside the paper's",
+    "[NSB]: the paper and our results compared",
     "S. Moe, G. Antonelli, K. Y. Pettersen, *Null-Space-Based Behavior Guidance of Planar Dual-Arm "
     "UVMS*, 2014.",
     "./scripts/reproduce.sh nsb",
-    "from what `examples/03_nsb_dual_arm` prints and draws. *Paper* is printed there, *here* is "
-    "measured in this run. The paper prints its equations, gains and velocity limits; it prints "
-    "neither the vehicle's dimensions nor the start, the line or its speed. So figures can be alike "
-    "and not equal; [the page on this method](null_space_guidance.md) says what was chosen, and "
-    "compares it with iCAT.")
+    "from the output of `examples/03_nsb_dual_arm`. The column *paper* has published values, *here* "
+    "the values of this run. The paper prints its equations, gains and velocity limits; it prints "
+    "neither the vehicle's dimensions nor the start, the line or its speed. So figures can be "
+    "similar but not equal; [Null-space-based guidance](null_space_guidance.md) lists our choices and "
+    "compares the method with iCAT.")
 
 # The first column of numbers is NSB on the line; times first, then errors.
 TASKS = ["tool pose", "vehicle orientation", "vertical distance", "field of view", "first joint"]
