@@ -30,12 +30,12 @@ run 00_reach icat_run/icat_run examples/00_reach/mission.yaml --z-down
 run icat_run icat_run/icat_run examples/01_grasp/mission.yaml --z-down
 cp out/13_hardware/run.png docs/images/gallery_13_hardware.png
 
-photo 00_reach 6 -0.9 0.35 1 1200 640
-photo 01_grasp 20 -1.5 0.3 0.8 1200 640
-photo 05_urdf_arm 34 -0.9 0.35 1 1200 640
-photo 06_mobile_manipulator 20 -0.9 0.35 1 1200 640
-photo 07_two_arms 13 -0.9 0.35 1 1200 640
-photo 08_rov 20 -0.9 0.35 1 1200 640
-photo 09_obstacles 7.5 -0.9 0.35 1 1200 640
-photo icat_run 20 -1.5 0.3 1 1200 640
+photo 00_reach 5 -0.9 0.35 1 1200 720
+photo 01_grasp 40 -1.5 0.3 1.05 1200 590
+photo 05_urdf_arm 34 -0.9 0.3 0.72 1200 720
+photo 06_mobile_manipulator 20 -0.9 0.35 1 1200 720
+photo 07_two_arms 13 -0.9 0.35 1 1200 720
+photo 08_rov 20 -0.9 0.35 1 1200 720
+photo 09_obstacles 7.5 -0.9 0.35 1 1200 720
+photo icat_run 25 -1.5 0.3 1 1200 720
 say "Pictures: $PWD/docs/images/gallery_*.png"

@@ -85,7 +85,8 @@ int main(int argc, char** argv) {
   bool schema = false, keys = false, check = false, z_down = false;
   CLI::App app{"Runs the mission of a YAML file on a plant without dynamics."};
   app.add_option("mission", file, "the YAML file");
-  app.add_option("--output", output, "folder of the CSV file and the replay")->capture_default_str();
+  app.add_option("--output", output, "folder of the CSV file and the replay")
+      ->capture_default_str();
   CLI::Option* with = app.add_option("--changes", changes, "a file with other gains and goals");
   app.add_option("--at", at, "when they are applied, s")->needs(with)->capture_default_str();
   app.add_flag("--z-down", z_down, "the world's z axis points down, for the replay");

@@ -19,7 +19,7 @@ constexpr int steps = 1000;
 struct Scenario {
   std::string name;
   Eigen::Vector3d by;  // m, from where the hand is
-  double weight;       // of the posture, where weights count
+  double cost;         // of the posture, where costs count
   Eigen::VectorXd q;   // start, rad
 };
 
@@ -32,7 +32,7 @@ inline std::vector<Scenario> read(const std::string& file) {
     Scenario s{{}, {}, 0, Eigen::VectorXd(7)};
     words >> s.name;
     for (double& x : s.by) words >> x;
-    words >> s.weight;
+    words >> s.cost;
     for (double& x : s.q) words >> x;
     if (!words) throw std::runtime_error("not a scenario: " + line);
     scenarios.push_back(s);

@@ -11,7 +11,7 @@ JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
 
 
 def main(name, version, reach):
-    """`reach(urdf, q, by, weight, path)` does the job and appends each q to `path`."""
+    """`reach(urdf, q, by, cost, path)` does the job and appends each q to `path`."""
     urdf, scenarios, folder = sys.argv[1:]
     with open(os.path.join(folder, name + ".version"), "w") as out:
         print(version, file=out)

@@ -8,13 +8,13 @@ from job import DT, STEPS, main
 from pink.tasks import FrameTask, PostureTask
 
 
-def reach(urdf, q, by, weight, path):
+def reach(urdf, q, by, cost, path):
     #! [job]
     model = pin.buildModelFromUrdf(urdf)
     configuration = pink.Configuration(model, model.createData(), q)
     hand = FrameTask("panda_hand", position_cost=1.0, orientation_cost=1.0,
-                     gain=2 * DT, lm_damping=1.0)  # a gain of 2 1/s
-    posture = PostureTask(cost=weight, gain=2 * DT)
+                     gain=2 * DT, lm_damping=100.0)  # a gain of 2 1/s
+    posture = PostureTask(cost=cost, gain=2 * DT)
     goal = configuration.get_transform_frame_to_world("panda_hand").copy()
     goal.translation += by
     hand.set_target(goal)

@@ -6,7 +6,7 @@ import placo
 from job import DT, JOINTS, STEPS, main
 
 
-def reach(urdf, q, by, weight, path):
+def reach(urdf, q, by, cost, path):
     #! [job]
     robot = placo.RobotWrapper(urdf, placo.Flags.ignore_collisions)
     solver = placo.KinematicsSolver(robot)
@@ -22,7 +22,7 @@ def reach(urdf, q, by, weight, path):
     hand.configure("hand", "soft", 1.0, 1.0)
     posture = solver.add_joints_task()
     posture.set_joints(dict(zip(JOINTS, q)))
-    posture.configure("posture", "soft", weight)
+    posture.configure("posture", "soft", cost**2)  # weighs the square
     solver.add_regularization_task(1e-6)
     for _ in range(STEPS):  # each step goes for the whole error, as fast as limits allow
         solver.solve(True)

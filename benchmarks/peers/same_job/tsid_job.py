@@ -8,7 +8,7 @@ import tsid.tsid_pywrap as tsid  # the wheel has its __init__.py one folder too 
 from job import DT, STEPS, main
 
 
-def reach(urdf, q, by, weight, path):
+def reach(urdf, q, by, cost, path):
     #! [job]
     robot = tsid.RobotWrapper(urdf, [""], False)
     model, n, v = robot.model(), robot.na, np.zeros(robot.nv)
@@ -32,7 +32,7 @@ def reach(urdf, q, by, weight, path):
     limits.setImposeBounds(True, True, True, True)  # position, velocity, viability, acceleration
     problem.addMotionTask(limits, 1.0, 0, 0.0)  # level 0: constraints
     problem.addMotionTask(hand, 1.0, 1, 0.0)  # level 1: the cost, by weights
-    problem.addMotionTask(posture, weight, 1, 0.0)
+    problem.addMotionTask(posture, cost**2, 1, 0.0)  # weighs the square
     solver = tsid.SolverHQuadProgFast("solver")
     solver.resize(problem.nVar, problem.nEq, problem.nIn)
     for k in range(STEPS):
