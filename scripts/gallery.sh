@@ -29,6 +29,7 @@ done
 run 00_reach icat_run/icat_run examples/00_reach/mission.yaml --z-down
 run icat_run icat_run/icat_run examples/01_grasp/mission.yaml --z-down
 cp out/13_hardware/run.png docs/images/gallery_13_hardware.png
+# That of the microcontroller is scripts/microcontroller.sh's: out/microcontroller/cycles.png.
 
 photo 00_reach 5 -0.9 0.35 1 1200 720
 photo 01_grasp 40 -1.5 0.3 1.05 1200 590

@@ -48,7 +48,7 @@ struct Judge {
 
   icat::Pose<double> pose(const Eigen::VectorXd& q7) {
     Eigen::VectorXd q = Eigen::VectorXd::Zero(robot.dof());
-    q.head(7) = q7;
+    q.head(7) = q7.head<7>();
     if (robot.update(q) != icat::Status::ok) return icat::Pose<double>::Identity();
     return robot.pose(hand);
   }
