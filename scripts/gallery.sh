@@ -31,12 +31,12 @@ run icat_run icat_run/icat_run examples/01_grasp/mission.yaml --z-down
 cp out/13_hardware/run.png docs/images/gallery_13_hardware.png
 # That of the microcontroller is scripts/microcontroller.sh's: out/microcontroller/cycles.png.
 
-photo 00_reach 5 -0.9 0.35 1 1200 720
+photo 00_reach 5 -0.9 0.35 0.8 1200 720
 photo 01_grasp 40 -1.5 0.3 1.05 1200 590
 photo 05_urdf_arm 34 -0.9 0.3 0.72 1200 720
-photo 06_mobile_manipulator 20 -0.9 0.35 1 1200 720
-photo 07_two_arms 13 -0.9 0.35 1 1200 720
-photo 08_rov 20 -0.9 0.35 1 1200 720
-photo 09_obstacles 7.5 -0.9 0.35 1 1200 720
-photo icat_run 25 -1.5 0.3 1 1200 720
+photo 06_mobile_manipulator 20 3.5 0.35 0.6 1200 720
+photo 07_two_arms 13 -0.9 0.35 0.8 1200 720
+photo 08_rov 20 -0.9 0.35 0.8 1200 740
+photo 09_obstacles 8.5 -0.9 0.35 0.8 1200 720
+photo icat_run 25 -1.5 0.3 0.95 1200 720
 say "Pictures: $PWD/docs/images/gallery_*.png"

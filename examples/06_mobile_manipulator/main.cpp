@@ -70,6 +70,7 @@ int main(int argc, char** argv) {
       replay, controller,
       {.frames = {"link6"}, .base = {0.7, 0.5, 0.4}, .base_at = {0, 0, 0.25}, .samples = 4100});
   //! [replay]
+  replay.look(3.5, 0.35);  // not from behind the wall
   for (double angle = -0.1; angle < 1.65; angle += 0.1) {  // the wall, 0.4 m after 0.4 m
     const Vector3 middle(4.03 * std::cos(angle), 4.03 * std::sin(angle), 0.7);
     view.run().shapes.push_back({.form = icat::ReplayForm::box,

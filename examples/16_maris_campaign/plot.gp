@@ -32,11 +32,12 @@ do for [i = 1:6] {
   set xlabel 't (s)' offset 0,0.5
   set ylabel (i == 1 ? 'joints commanded (rad/s)' : '')
   set yrange [0:1.2]
-  if (i == 6) { set key at screen 0.5,0.03 center horizontal maxrows 1 width 2 }
-  plot file(i) using 1:9 with lines lw 1 lc rgb '#2ca02c' notitle, \
-    NaN with lines lw 2 lc rgb '#1f77b4' title 'actual', \
-    NaN with lines lw 2 lc rgb '#ff7f0e' title 'commanded to the vehicle', \
-    NaN with lines lw 2 lc rgb '#2ca02c' title 'commanded to the joints', \
-    NaN with lines dt 2 lc rgb '#555555' title 'the hand closes below 30 mm'
+  if (i == 6) {
+    set label 1 'actual' at screen 0.1,0.025 tc rgb '#1f77b4'
+    set label 2 'commanded to the vehicle' at screen 0.2,0.025 tc rgb '#ff7f0e'
+    set label 3 'commanded to the joints' at screen 0.45,0.025 tc rgb '#2ca02c'
+    set label 4 '- - - below 30 mm the hand closes' at screen 0.68,0.025 tc rgb '#555555'
+  }
+  plot file(i) using 1:9 with lines lw 1 lc rgb '#2ca02c'
 }
 unset multiplot

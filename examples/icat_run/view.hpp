@@ -2,6 +2,8 @@
 // The replay of a configured robot: its first frame that a task moves to a goal, and that goal.
 #pragma once
 
+#include <algorithm>
+#include <functional>
 #include <icat/adapters/yaml.hpp>
 #include <icat/task/frame_tasks.hpp>
 #include <optional>
@@ -31,6 +33,9 @@ class View {
     const bool free = robot.base_columns().count == 6;
     support::RobotReplayOptions options{.frames = {frame_}};
     if (free) options.base = {1.0, 0.6, 0.5};
+    if (z_down) {  // the seabed lies below all goals
+      for (const Goal& g : goals_) options.ground = std::max(options.ground, g.at().z() + 0.3);
+    }
     view_.emplace(replay_, *config.controller().whole_body(), options);
   }
 
