@@ -106,6 +106,8 @@ void say(Judge& judge, const std::string& name, const std::vector<job::Scenario>
     const Judge::Verdict v = judge.judge(scenarios[i], path);
     if (std::isnan(v.position) || v.position > 10) {
       std::printf("| diverges ");
+    } else if (v.past > 1) {
+      std::printf("| does not settle, far past its limits ");  // no figure: rounding decides it
     } else if (scenarios[i].name == "far") {
       std::printf("| %s, %s, %s ", cell("%.0f mm", 1e3 * v.position).c_str(), rests(v.step).c_str(),
                   past(v.past).c_str());
