@@ -6,10 +6,10 @@
 ///     velocity/<joint or column>    ẏ, as the controller has it
 ///     frame/<frame>                 pose in ⟨0⟩: the base, and the frames that are asked for
 ///     activation/<task>             the largest aⁱ aᵖ of its rows
-///     error/<task>                  ‖A (ẋ̄ − J ẏ)‖: the rate that the task asks for and does not
-///     get task/<task>/<row>/reference   ẋ̄, J ẏ and aⁱ aᵖ of each row: three channels
-///     task/<task>/<row>/achieved
-///     task/<task>/<row>/activation
+///     error/<task>                  ‖A (ẋ̄ − J ẏ)‖: the part of the rate that is not achieved
+///     task/<task>/<row>/reference   ẋ̄ of each row
+///     task/<task>/<row>/achieved    J ẏ
+///     task/<task>/<row>/activation  aⁱ aᵖ
 ///     report/level <k>              ‖A (ẋ̄ − J ρ)‖ of the solver's level k, from 1
 ///     report/failed level           its number, 0: none
 ///
