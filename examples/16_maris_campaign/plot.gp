@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# The first attempt of each set. The program sets: folder.
+# The first attempt of each campaign and of April without each cure. The program sets: folder.
 set datafile separator comma
 set encoding utf8
 set grid lt 1 lw 0.6 lc rgb '#dddddd'
-names = "'October 2015' 'December 2015' 'April 2016' 'no compensation' 'no filter' 'no DVL' 'larger errors' 'no dead zone'"
+names = "'October 2015' 'December 2015' 'April 2016' 'no compensation' 'no filter' 'no DVL'"
 file(i) = sprintf('%s/trace%d.csv', folder, i - 1)
-set terminal pngcairo size 2400,800 font 'sans,10' background 'white'
+set terminal pngcairo size 1800,800 font 'sans,10' background 'white'
 set output folder.'/attempts.png'
-set multiplot layout 3,8 columnsfirst margins 0.04,0.99,0.06,0.95 spacing 0.025,0.05
+set multiplot layout 3,6 columnsfirst margins 0.04,0.99,0.06,0.95 spacing 0.025,0.05
 set key top right samplen 1.5
-do for [i = 1:8] {
+do for [i = 1:6] {
   unset xlabel
   set title word(names, i) noenhanced
   set logscale y
