@@ -627,6 +627,64 @@ TEST(GraspDetector, ASpikeIsNoGrasp) {
   EXPECT_EQ(s.detector.command().speed.norm(), 0);
 }
 
+// A loop that pauses: the time since the last reading is not that of the spike.
+TEST(GraspDetector, AReadingAfterAPauseIsNoGrasp) {
+  Script s;
+  ASSERT_EQ(s.detector.close(0.2, 0.5), Status::ok);
+  s.say(0.2, 0.16);
+  s.pass(1);
+  s.say(0, 0.5);
+  ASSERT_EQ(s.detector.step(s.t += 0.2, s.reading), Status::ok);
+  EXPECT_EQ(s.detector.state(), GraspState::moving);
+  // In a slow loop it takes four.
+  for (int k = 0; k < 2; ++k) ASSERT_EQ(s.detector.step(s.t += 0.2, s.reading), Status::ok);
+  EXPECT_EQ(s.detector.state(), GraspState::moving);
+  ASSERT_EQ(s.detector.step(s.t += 0.2, s.reading), Status::ok);
+  EXPECT_EQ(s.detector.state(), GraspState::grasped);
+}
+
+// Whatever the readings say, a motor is told to go where its joints can go, and not much further:
+// as far as its cables stretch.
+TEST(GraspDetector, CommandsStayWithinTheHand) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  Detector detector;
+  const Hand hand;
+  double t = 0;
+  for (int k = 0; k < (sanitized ? 20000 : 200000); ++k) {
+    switch (random() % 400) {
+      case 0:
+        detector.preshape(static_cast<Preshape>(random() % 3));
+        break;
+      case 1:
+        (void)detector.close(uniform(random), uniform(random));
+        break;
+      case 2:
+        (void)detector.close(0.3, 0.5);
+        break;
+      default:
+        break;
+    }
+    Reading reading;
+    for (int g = 0; g < 3; ++g) {
+      reading.position(g) = std::pow(10, 20 * uniform(random)) * uniform(random);
+      reading.speed(g) = random() % 2 ? 0.0 : uniform(random);
+      reading.current(g) = uniform(random);
+    }
+    if (random() % 50 == 0) reading.current(1) = NAN;
+    const GraspState before = detector.state();
+    (void)detector.step(t += random() % 100 ? 0.01 : 20 * uniform(random), reading);
+    EXPECT_TRUE(detector.event().empty() || detector.state() != before);
+    const Command& c = detector.command();
+    for (int g = 0; g < 3; ++g) {
+      ASSERT_TRUE(std::isfinite(c.position(g)) && c.speed(g) >= 0 && c.current_limit(g) <= 0.8);
+      if (!(c.speed(g) > 0)) continue;
+      ASSERT_LE(c.position(g), std::max(hand.upper()(g), hand.preshape(Preshape::power)(g)) + 0.31);
+      ASSERT_GE(c.position(g), hand.lower()(g) - 0.31);
+    }
+  }
+}
+
 TEST(GraspDetector, TestSqueezes) {
   Script s;
   ASSERT_EQ(s.detector.close(0.2, 0.5), Status::ok);

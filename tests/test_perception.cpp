@@ -373,6 +373,15 @@ TEST(CylinderPose, WhatIsRefused) {
   for (Line& l : pair) l.covariance << 1e-6, 0, 0, 1;
   expect(Status::not_measured, pair);
   lines = good;
+  lines[0].covariance << 1e-6, 1, 1, 1;  // no covariance: below 0 in a direction
+  expect(Status::out_of_range, lines);
+  // Normals that point away from it: the same contours are those of a pipe behind the camera.
+  for (const std::size_t count : {2u, 4u}) {
+    lines.assign(good.begin(), good.begin() + static_cast<std::ptrdiff_t>(count));
+    for (Line& l : lines) l.theta += std::numbers::pi, l.rho = -l.rho;
+    expect(Status::outlier, lines);
+  }
+  lines = good;
   lines[0].rho = 1e300;  // finite, and no place in an image
   expect(Status::implausible, lines);
 }

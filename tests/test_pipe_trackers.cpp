@@ -94,6 +94,14 @@ TEST(LineTracker, GatesAndChoice) {
   EXPECT_EQ(tracker.step(0, Lines{line_at(0.5, 40)}), 0);
   EXPECT_EQ(tracker.step(0.1, Lines{line_at(0.5, 40)}), 0);
   EXPECT_TRUE(std::isfinite(tracker.line().rho + tracker.line().theta));
+  // Finite, and no place in an image: no line of a tracker that is dead, either.
+  icat::LineTracker<double> other(rig, 0, icat::ContourKind::edge);
+  Line far = line_at(0.5, 10);
+  for (int k = 0; k < 5; ++k) {
+    far.rho = k % 2 ? 1e308 : -1e308;
+    EXPECT_EQ(other.step(0.1, Lines{far}), -1);
+  }
+  EXPECT_FALSE(other.alive());
   const auto bad = [](icat::LineTracker<double>::Options o, int camera = 0) {
     EXPECT_THROW(icat::LineTracker<double>(rig, camera, icat::ContourKind::edge, o),
                  std::invalid_argument);
@@ -229,6 +237,16 @@ TEST(FrameTracker, BadMeasurementsCountLess) {
   EXPECT_NEAR(icat::rotation_log<double>(turn)(2), 0.1 * 0.6 / 9, 1e-9);
   seen.covariance(2, 2) = NAN;
   EXPECT_EQ(tracker.update(seen, start), Status::non_finite);
+  seen.covariance(0, 0) = seen.covariance(2, 2) = -1;  // would push the frame away
+  EXPECT_EQ(tracker.update(seen, start), Status::out_of_range);
+  // Two places that are finite, and their difference is not.
+  const Pose before = tracker.frame();
+  for (const double x : {1e308, -1e308}) {
+    Pose far = start;
+    far.translation()(0) = x;
+    EXPECT_EQ(tracker.predict(far), Status::implausible);
+  }
+  EXPECT_EQ(tracker.frame().matrix(), before.matrix());
 }
 
 // Without an end the frame goes to the measured axis by k, and stays where it is along it.

@@ -126,6 +126,23 @@ TEST(StereoPipe, WaterDecidesWhatIsSeen) {
   EXPECT_EQ(very, 0);
 }
 
+// Without a threshold noise alone shows lines in water as dark as one likes: none that may be
+// anywhere.
+TEST(StereoPipe, LinesAreNumbersInAnyWater) {
+  const Pose pipe = seen_at(support::level_pipe(0, 0, 2, 0.7));
+  for (const double attenuation : {5.0, 10.0, 1000.0}) {
+    Sim sim(rig, mount, {.attenuation = attenuation, .threshold = 0});
+    for (int k = 0; k < 100; ++k) {
+      const auto view = sim.picture(hovering, pipe, no_arm);
+      for (const auto& line : view.lines()) {
+        ASSERT_LT(std::abs(line.rho), 1e6);
+        ASSERT_TRUE(line.covariance.allFinite() && std::isfinite(line.theta));
+      }
+      EXPECT_LE(view.count, attenuation > 9 ? 0 : 8);
+    }
+  }
+}
+
 // With half of it covered a contour has half its length, so four times the variance of its angle,
 // to a sample or two of 33; the covered end is gone. Under a hull as large as the image all is.
 TEST(StereoPipe, WhatIsCoveredIsNotSeen) {

@@ -34,7 +34,8 @@ class Attempt {
       : switches_(switches),
         trace_(trace),
         conditions_(seed),
-        robot_(make_robot()),
+        mount_(conditions_.believed_mount(switches.errors)),
+        robot_(make_robot(mount_)),
         plant_(icat::r2_dynamics<double>(),
                {.q = joints(1.2, -2.2, 1.0),
                 .vehicle = switches.vehicle ? conditions_.start : conditions_.placed}),
@@ -55,22 +56,26 @@ class Attempt {
                                       .carry_limit = 40})),
         loop_(trimmed(), bandwidth()),
         allocation_(icat::r2_thrusters<double>(60, -48)),
-        thrusters_(8),
+        thrusters_(8, icat::ThrusterModel<double>({.dead_zone = switches.errors.dead_zone})),
         drives_(icat::PiLoop<double, 7>::tuned(felt(), icat::Filled{100.0})),
         filter_(switches.filter ? 1 / 50.0 : 0),
         navigation_(model(), plant_.vehicle(), navigation_options()),
-        ahrs_(
-            {.latency = 0.01, .gyro_noise = gyro_noise / std::sqrt(100.0), .seed = seed + 1000000}),
-        dvl_({.beam_noise = beam_noise, .floor = floor, .seed = seed + 2000000}),
+        ahrs_({.latency = switches.errors.gyro_latency,
+               .gyro_noise = gyro_noise / std::sqrt(100.0),
+               .seed = seed + 1000000}),
+        dvl_({.latency = switches.errors.dvl_latency,
+              .beam_noise = beam_noise,
+              .floor = floor,
+              .seed = seed + 2000000}),
         depth_({.seed = seed + 3000000}),
         cameras_(icat::parallel_cameras<double>(1000)),
         arm_(robot_, frames_.camera, cameras_, boxes()),
         eyes_(cameras_, camera_mount(),
-              {.pixel_noise = pixel_noise,
+              {.pixel_noise = switches.errors.pixel_noise,
                .attenuation = switches.attenuation,
                .seed = seed + 4000000}),
         estimator_(cameras_, {.towards = Vector3(0, -1, 0)}),
-        tracker_(camera_mount()),
+        tracker_(mount_),
         pool_(icat::HandPlant<double>(), {.body = icat::r2_pipe_body<double>(), .floor = support},
               conditions_.pipe),
         random_(seed + 5000000) {
@@ -125,6 +130,11 @@ class Attempt {
     }
     return inertia;
   }
+  Vector3 rounded(Vector3 gyro) const {
+    const double step = switches_.errors.gyro_step;
+    for (int i = 0; i < 3 && step > 0; ++i) gyro(i) = step * std::round(gyro(i) / step);
+    return gyro;
+  }
   void keep(Status status) {
     if (bad_ == Status::ok) bad_ = status;
   }
@@ -133,7 +143,7 @@ class Attempt {
   void sense(long k) {
     const icat::VehicleMotion<double> truth{plant_.vehicle(), plant_.vehicle_velocity()};
     const auto inertial = ahrs_.measure(time_, truth);
-    if (inertial) gyro_ = inertial->value.gyro;
+    if (inertial) gyro_ = rounded(inertial->value.gyro);
     (void)navigation_.step(time_, gyro_, pushed_);
     if (inertial) {
       (void)navigation_.correct_attitude(inertial->value.attitude, time_ - inertial->time);
@@ -168,8 +178,8 @@ class Attempt {
     Pose then;
     icat::CylinderMeasurement<double> seen;
     if (history_.at(view->time, then) == Status::ok &&
-        estimator_.measure(view->value.lines(), icat::gravity_in_camera(then, camera_mount()),
-                           seen) == Status::ok) {
+        estimator_.measure(view->value.lines(), icat::gravity_in_camera(then, mount_), seen) ==
+            Status::ok) {
       ++seen_;
       (void)tracker_.update(seen, then);
     } else {
@@ -340,6 +350,7 @@ class Attempt {
   Switches switches_;
   bool trace_;
   Conditions conditions_;
+  Pose mount_;
   Robot robot_;
   Plant plant_;
   icat::GraspFrames frames_;

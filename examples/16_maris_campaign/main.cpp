@@ -21,27 +21,30 @@ namespace {
 using campaign::Key;
 using campaign::Results;
 
-/// Runs `todo`, on `jobs` threads; each result is in `file` as soon as there is one.
-void run(const std::vector<Key>& todo, int jobs, const std::string& file) {
+/// Runs `todo`, on `jobs` threads; each result is in `file` as soon as there is one. False, and the
+/// rest is left, where the file does not take them.
+bool run(const std::vector<Key>& todo, int jobs, const std::string& file) {
   campaign::Journal journal(file);
   std::atomic<std::size_t> next = 0;
+  std::atomic<bool> written = true;
   std::vector<std::thread> threads;
   for (int i = 0; i < jobs; ++i) {
     threads.emplace_back([&] {
-      for (std::size_t k = next++; k < todo.size(); k = next++) {
+      for (std::size_t k = next++; k < todo.size() && written; k = next++) {
         const auto& [set, seed] = todo[k];
         const auto attempt = std::make_unique<campaign::Attempt>(
             campaign::sets[set], static_cast<std::uint64_t>(seed), false);
-        journal.add(todo[k], attempt->run());
+        if (!journal.add(todo[k], attempt->run())) written = false;
       }
     });
   }
   support::ProgressBar bar("attempts");
-  while (journal.count() < static_cast<int>(todo.size())) {
+  while (written && journal.count() < static_cast<int>(todo.size())) {
     bar.show(static_cast<double>(journal.count()) / static_cast<double>(todo.size()));
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
   for (auto& thread : threads) thread.join();
+  return written;
 }
 
 /// The first attempt of each set, for the picture.
@@ -56,11 +59,13 @@ void trace(const std::string& folder) {
   }
 }
 
-/// Numbers of "2/4"; false where it is no shard.
-bool shard(const std::string& text, int& index, int& count) {
-  char rest = 0;
-  return std::sscanf(text.c_str(), "%d/%d%c", &index, &count, &rest) == 2 && count >= 1 &&
-         index >= 1 && index <= count;
+/// Takes a file of another revision out of the way.
+bool make_way(const std::string& file) {
+  if (!campaign::foreign(file)) return true;
+  std::error_code error;
+  std::filesystem::rename(file, file + ".old", error);
+  std::fprintf(stderr, "%s is of another revision: it is %s.old now\n", file.c_str(), file.c_str());
+  return !error;
 }
 
 }  // namespace
@@ -73,51 +78,66 @@ int main(int argc, char** argv) {
                      {{"--attempts", "of each campaign", &attempts},
                       {"--shard", "i/n: only this part of them", &part},
                       {"--jobs", "threads; 0: as many as there are processors", &jobs}});
-  int index = 1, shards = 1;
-  if (!shard(part, index, shards)) {
+  const auto shard = campaign::part(part);
+  if (!shard) {
     std::fprintf(stderr, "--shard: i/n with 1 <= i <= n, got %s\n", part.c_str());
     return 2;
   }
-  const int count = std::atoi(attempts.c_str());
-  int threads = std::atoi(jobs.c_str());
-  if (count < 1 || threads < 0) {
-    std::fprintf(stderr, "--attempts must be > 0 and --jobs >= 0\n");
+  const auto count = campaign::number(attempts, 1), threads = campaign::number(jobs, 0);
+  if (!count || !threads) {
+    std::fprintf(stderr, "--attempts must be > 0 and --jobs >= 0, got %s and %s\n",
+                 attempts.c_str(), jobs.c_str());
     return 2;
   }
-  if (threads == 0) threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  if (arguments.extended && shard->count > 1) {
+    std::fprintf(stderr, "--merge joins all shards, it takes no --shard\n");
+    return 2;
+  }
 
   std::error_code error;
   std::filesystem::create_directories(arguments.output, error);
+  if (!std::filesystem::is_directory(arguments.output, error)) {
+    std::fprintf(stderr, "cannot make the folder %s\n", arguments.output.c_str());
+    return 1;
+  }
   const std::string whole = arguments.output + "/attempts.csv";
   Results results;
+  int code = 0;
   if (arguments.extended) {
-    for (const auto& entry : std::filesystem::directory_iterator(arguments.output)) {
-      const std::string name = entry.path().filename().string();
-      if (name.starts_with("shard-") && name.ends_with(".csv")) {
-        results.merge(campaign::read(entry.path().string()));
-      }
+    auto joined = campaign::join(arguments.output);
+    for (const std::string& reason : joined.missing) {
+      std::fprintf(stderr, "not whole: %s\n", reason.c_str());
+      code = 1;
     }
+    results = std::move(joined.results);
+    if (results.empty()) return 1;
   } else {
-    const std::string file = shards == 1 ? whole
-                                         : arguments.output + "/shard-" + std::to_string(index) +
-                                               "-of-" + std::to_string(shards) + ".csv";
+    const std::string file =
+        shard->count == 1 ? whole : arguments.output + "/" + campaign::part_file(*shard);
     results = campaign::read(file);
-    if (!campaign::write(file, results)) {
+    if (!make_way(file) || !campaign::write(file, results)) {
       std::fprintf(stderr, "cannot write %s\n", file.c_str());
       return 1;
     }
     std::vector<Key> todo;  // all campaigns side by side, so that a part is a smaller whole
-    for (int seed = index; seed <= count; seed += shards) {
+    for (int seed = shard->index; seed <= *count; seed += shard->count) {
       for (int set = 0; set < campaign::set_count; ++set) {
         if (!results.contains({set, seed})) todo.push_back({set, seed});
       }
     }
-    run(todo, threads, file);
+    const int processors = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+    const bool written = run(todo, *threads > 0 ? *threads : processors, file);
     results = campaign::read(file);
+    for (const Key& key : todo) {
+      if (written && results.contains(key)) continue;
+      std::fprintf(stderr, "results were lost: %s is full, or another program writes it\n",
+                   file.c_str());
+      return 1;
+    }
     std::printf("%zu attempts, %zu of them now\n", results.size(), todo.size());
-    if (shards > 1) return 0;
+    if (shard->count > 1) return 0;
   }
-  if (!campaign::write(whole, results)) {
+  if (!make_way(whole) || !campaign::write(whole, results)) {
     std::fprintf(stderr, "cannot write %s\n", whole.c_str());
     return 1;
   }
@@ -129,7 +149,7 @@ int main(int argc, char** argv) {
     support::draw(arguments.output);
   }
   for (const auto& [key, r] : results) {
-    if (r.outcome == "fault") return 1;
+    if (r.outcome == "fault") code = 1;
   }
-  return results.empty() ? 1 : 0;
+  return code;
 }

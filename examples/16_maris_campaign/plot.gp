@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# The first attempt of each set. The program sets: folder.
+# The first attempt of each campaign and of April without each cure. The program sets: folder.
 set datafile separator comma
 set encoding utf8
 set grid lt 1 lw 0.6 lc rgb '#dddddd'

@@ -4,12 +4,15 @@
 #pragma once
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <map>
 #include <mutex>
+#include <optional>
+#include <set>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -65,6 +68,12 @@ inline Results read(const std::string& file) {
   }
   return results;
 }
+/// A file with something in it that `read` takes for nothing.
+inline bool foreign(const std::string& file) {
+  std::ifstream in(file);
+  std::string text;
+  return std::getline(in, text) && text != heading();
+}
 /// All of it anew, in order.
 inline bool write(const std::string& file, const Results& results) {
   {
@@ -81,10 +90,11 @@ inline bool write(const std::string& file, const Results& results) {
 class Journal {
  public:
   explicit Journal(const std::string& file) : out_(file, std::ios::app) {}
-  void add(const Key& key, const Result& r) {
+  /// False where the file did not take it, as of a full disk.
+  bool add(const Key& key, const Result& r) {
     const std::lock_guard lock(mutex_);
-    out_ << line(key, r) + "\n" << std::flush;
     ++count_;
+    return bool(out_ << line(key, r) + "\n" << std::flush);
   }
   int count() {
     const std::lock_guard lock(mutex_);
@@ -96,6 +106,82 @@ class Journal {
   std::ofstream out_;
   int count_ = 0;
 };
+
+// --- parts ---------------------------------------------------------------------------------------
+
+/// All of `text` as a number that is not below `least`.
+inline std::optional<int> number(std::string_view text, int least) {
+  int value = 0;
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, value);
+  if (error != std::errc() || stop != end || value < least) return std::nullopt;
+  return value;
+}
+/// Of "2/4".
+struct Part {
+  int index = 1, count = 1;
+};
+inline std::optional<Part> part(std::string_view text, std::string_view between = "/") {
+  const auto at = text.find(between);
+  if (at == std::string_view::npos) return std::nullopt;
+  const auto index = number(text.substr(0, at), 1);
+  const auto count = number(text.substr(at + between.size()), 1);
+  if (!index || !count || *index > *count) return std::nullopt;
+  return Part{*index, *count};
+}
+inline std::string part_file(const Part& p) {
+  return "shard-" + std::to_string(p.index) + "-of-" + std::to_string(p.count) + ".csv";
+}
+
+/// What was joined, and each reason why it is not the whole.
+struct Joined {
+  Results results;
+  std::vector<std::string> missing;
+};
+/// All parts in a folder, and what has been joined there before. Parts may overlap, such as those
+/// of 2 and of 4; what is there twice has to be the same.
+inline Joined join(const std::string& folder) {
+  Joined all;
+  std::map<int, std::set<int>> parts;
+  std::vector<std::string> files;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    if (!name.starts_with("shard-") || !name.ends_with(".csv")) continue;
+    const auto p = part(std::string_view(name).substr(6, name.size() - 10), "-of-");
+    if (!p) continue;
+    parts[p->count].insert(p->index);
+    files.push_back(entry.path().string());
+  }
+  if (parts.empty()) all.missing.push_back("no part in " + folder);
+  files.push_back(folder + "/attempts.csv");
+  std::sort(files.begin(), files.end());
+  for (const std::string& file : files) {
+    if (foreign(file)) all.missing.push_back(file + " is of another revision");
+    for (const auto& [key, r] : read(file)) {
+      const auto [at, added] = all.results.emplace(key, r);
+      if (!added && line(key, at->second) != line(key, r)) {
+        all.missing.push_back("attempt " + std::to_string(key.second) + " of " +
+                              sets[key.first].name + " ended in two ways: programs differ");
+      }
+    }
+  }
+  const auto whole = [](const auto& entry) {
+    return static_cast<int>(entry.second.size()) == entry.first;
+  };
+  if (std::none_of(parts.begin(), parts.end(), whole)) {
+    for (const auto& [count, there] : parts) {
+      for (int i = 1; i <= count; ++i) {
+        if (!there.contains(i)) all.missing.push_back("no part " + part_file({i, count}));
+      }
+    }
+  }
+  // A part that was stopped: of each set the same attempts, from 1 on.
+  int most = 0;
+  for (const auto& [key, r] : all.results) most = std::max(most, key.second);
+  const int expected = most * set_count - static_cast<int>(all.results.size());
+  if (expected > 0) all.missing.push_back(std::to_string(expected) + " attempts are not done");
+  return all;
+}
 
 // --- statistics ----------------------------------------------------------------------------------
 

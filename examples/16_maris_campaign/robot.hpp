@@ -37,10 +37,11 @@ inline Joints joints(double shoulder, double elbow, double wrist) {
 }
 inline Pose camera_mount() { return at(0.6, 0, 0.1); }  // looks down; u of the images along x
 inline Pose palm_mount() { return at(0, 0, 0.1); }      // ⟨h⟩ in the end-effector's frame
-inline Robot make_robot() {
+/// `camera`: the estimated pose of the cameras, ⟨c⟩ in ⟨v⟩.
+inline Robot make_robot(const Pose& camera) {
   return icat::uvms(
       icat::maris_arm<double>(),
-      {.arm = icat::maris_arm_mount<double>(), .camera = camera_mount(), .tool = palm_mount()});
+      {.arm = icat::maris_arm_mount<double>(), .camera = camera, .tool = palm_mount()});
 }
 
 /// What is different in each attempt: drawn from its seed, the same in all campaigns.
@@ -54,11 +55,21 @@ struct Conditions {
     placed = at(-0.35 + 0.1 * u[6], 0.1 * u[7], placed_depth, 0.1 * u[8]);
     waypoint = at(-0.5 + 0.3 * u[9], 0.3 * u[10], survey_depth);
     for (int i = 0; i < 3; ++i) tether(i) = (i < 2 ? umbilical : trim) * noise.normal();
+    for (int i = 0; i < 6; ++i) calibration(i) = noise.normal();
   }
-  Pose pipe;           ///< x along it
-  Pose start, placed;  ///< of the vehicle, by itself and by hand
-  Pose waypoint;       ///< of the vehicle, 0.5 m behind the assumed place of the pipe
-  Vector3 tether;      ///< N, on ⟨0⟩: the umbilical and ballast, unknown to the controllers
+  /// The estimated pose of the cameras, ⟨c⟩ in ⟨v⟩.
+  Pose believed_mount(const Errors& errors) const {
+    Pose mount = camera_mount();
+    mount.translation() += errors.mount_shift / std::sqrt(3.0) * calibration.head<3>();
+    mount.linear() *=
+        icat::rotation_exp<double>(errors.mount_turn / std::sqrt(3.0) * calibration.tail<3>());
+    return mount;
+  }
+  Pose pipe;            ///< x along it
+  Pose start, placed;   ///< of the vehicle, by itself and by hand
+  Pose waypoint;        ///< of the vehicle, 0.5 m behind the assumed place of the pipe
+  Vector3 tether;       ///< N, on ⟨0⟩: the umbilical and ballast, unknown to the controllers
+  Vector6 calibration;  ///< error of the cameras' mount, shift and turn, in standard deviations
 };
 
 /// Both poles of each component, rad/s; roll and pitch are not actuated.

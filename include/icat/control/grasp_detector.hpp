@@ -6,7 +6,7 @@
 /// is printed; the rules are ours. With the filtered current i and the angle θ of a motor that
 /// closes, limit i_max, commanded speed ω, and the cables' mean stretch of n joints taken off,
 ///
-///     stopped    i ≥ 0.6 i_max and |θ̇| < 0.01 ω, for 0.2 s
+///     stopped    i ≥ 0.6 i_max and |θ̇| < 0.01 ω, for 0.2 s and in four readings at least
 ///     at its end q̂ = θ − τ_g(i) / (n k_c) > end stop − margin
 ///     grasped    all that close have stopped, not all at their ends
 ///     empty      all have stopped at their ends
@@ -250,7 +250,8 @@ class GraspDetector {
     const std::size_t i = static_cast<std::size_t>(g);
     const bool still = std::abs(reading.speed(g)) < options_.still * speed;
     const bool loaded = current_(g) >= options_.share * limit;
-    stopped_[i] = still && loaded ? stopped_[i] + dt : 0;
+    // A reading after a pause is no duration: a spike would be a grasp.
+    stopped_[i] = still && loaded ? stopped_[i] + std::min(dt, options_.settle / 4) : 0;
     idle_[i] = still ? idle_[i] + dt : 0;
   }
   bool stopped(Index g) const noexcept {
@@ -301,8 +302,8 @@ class GraspDetector {
     }
     if (!power) {
       // The distal joints keep the fingertips as they are, and never close on their own.
-      const Scalar q = std::min(reading.position(proximal_group) - stretch_(proximal_group),
-                                hand_.upper()(proximal_group));
+      const Scalar q = std::clamp(reading.position(proximal_group) - stretch_(proximal_group),
+                                  hand_.lower()(proximal_group), hand_.upper()(proximal_group));
       command_.position(distal_group) = hand_.lean(shape_) - q;
       command_.speed(distal_group) = Scalar(2) * speed_;
       command_.current_limit(distal_group) = limit_;

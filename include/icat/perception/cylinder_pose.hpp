@@ -146,12 +146,13 @@ class CylinderPose {
   /// The cylinder of these lines. Anything but `ok` leaves `result` as it was:
   /// - `wrong_size`: more than four long contours, or ends
   /// - `non_finite`, `out_of_range`: NaN in a line or gravity; a camera that is not 0 or 1, a
-  ///   covariance with a negative variance, no gravity
+  ///   covariance with a variance below 0 in any direction, no gravity
   /// - `implausible`: ρ beyond 1e6 px
   /// - `not_measured`: fewer than two long contours; planes that are nearly one, as of two contours
   ///   that lie along the baseline, so that a deviation is beyond `max_deviation` or `max_tilt`; an
   ///   axis within 0.1 rad of the vertical, about which gravity says nothing
-  /// - `outlier`: more than two long contours that do not belong to one cylinder
+  /// - `outlier`: more than two long contours that do not belong to one cylinder; a cylinder that
+  ///   lies behind a camera that has seen it, as of lines whose normals point away from it
   ///
   /// Ends whose plane is within 0.2 rad of the axis are not used. No allocation.
   /// @param lines    of one pair of pictures
@@ -193,7 +194,7 @@ class CylinderPose {
         !(std::max(P(3, 3), P(5, 5)) <= options_.max_tilt * options_.max_tilt)) {
       return Status::not_measured;
     }
-    if (!(m.residual <= options_.max_residual)) return Status::outlier;
+    if (!(m.residual <= options_.max_residual) || !in_front(w)) return Status::outlier;
     if (!m.end_seen) {
       for (Index i = 0; i < 6; ++i) m.covariance(1, i) = m.covariance(i, 1) = Scalar(0);
       m.covariance(1, 1) = infinity<Scalar>;
@@ -228,8 +229,10 @@ class CylinderPose {
             !detail::all_finite(line.covariance)) {
           return Status::non_finite;
         }
-        if (line.camera < 0 || line.camera > 1 || line.covariance(0, 0) < Scalar(0) ||
-            line.covariance(1, 1) < Scalar(0)) {
+        const Eigen::Matrix<Scalar, 2, 2>& V = line.covariance;
+        const Scalar mixed = V(0, 1) * V(1, 0), most_mixed = V(0, 0) * V(1, 1);
+        if (line.camera < 0 || line.camera > 1 || V(0, 0) < Scalar(0) || V(1, 1) < Scalar(0) ||
+            mixed > static_cast<Scalar>(1.001) * most_mixed) {  // to rounding
           return Status::out_of_range;
         }
         if (!(std::abs(line.rho) <= Scalar(detail::implausible_measurement))) {
@@ -305,6 +308,18 @@ class CylinderPose {
       worst = std::max(worst, std::abs(middle) + std::abs(slope));
     }
     return worst;
+  }
+  // Something of it, of each camera. Turned by half a turn about a camera's centre a cylinder has
+  // the same contours, with their normals the other way.
+  bool in_front(const Work& w) const noexcept {
+    for (int k = 0; k < w.edges; ++k) {
+      const auto& camera = cameras_[static_cast<std::size_t>(plane(w, k).line->camera)];
+      const Vector3<Scalar> z = detail::column3(camera.pose.matrix(), 0, 2);
+      const Scalar middle = camera.from_rig(w.p)(2);
+      const Scalar half = std::abs(detail::dot(z, w.d)) * options_.shape.length / Scalar(2);
+      if (!(middle + half > Scalar(0))) return false;
+    }
+    return true;
   }
   Scalar rim_error(const Work& w) const noexcept {
     Scalar worst(0);

@@ -78,8 +78,8 @@ class FrameTracker {
   }
 
   /// The present pose of the vehicle, ⟨v⟩ in ⟨0⟩: to be called at any rate, and before an image. If
-  /// `position_known` is false only its rotation counts. What is not finite or rigid is refused;
-  /// the motion is made up for by the next call. No allocation.
+  /// `position_known` is false only its rotation counts. What is not finite or rigid, or beyond
+  /// 1e6 m (`implausible`), is refused; the motion is made up for by the next call. No allocation.
   Status predict(const Pose<Scalar>& vehicle, bool position_known = true) noexcept {
     const Status status = check(vehicle);
     if (status != Status::ok) return status;
@@ -91,7 +91,9 @@ class FrameTracker {
   }
 
   /// A picture shows the cylinder. Anything but `ok` is a miss and moves nothing:
-  /// - `non_finite`, `not_a_rotation`: of the measurement, its covariance or the vehicle
+  /// - `non_finite`, `not_a_rotation`, `implausible`: of the measurement, its covariance or the
+  ///   vehicle
+  /// - `out_of_range`: a variance across the axis, or of its direction, is below 0
   /// - `not_started`: `predict` was never called
   /// - `not_measured`: five degrees of freedom, and no frame to take the sixth from
   /// - `outlier`: a gate refused it. Before the tracker is valid the new frame takes the place of
@@ -109,6 +111,9 @@ class FrameTracker {
     const Scalar turn = std::max(P(3, 3), P(5, 5));
     if (status == Status::ok && !std::isfinite(P(0, 0) + P(2, 2) + P(3, 3) + P(5, 5))) {
       status = Status::non_finite;
+    }
+    if (status == Status::ok && std::min({P(0, 0), P(2, 2), P(3, 3), P(5, 5)}) < Scalar(0)) {
+      status = Status::out_of_range;
     }
     bool begun = false;
     if (status == Status::ok) {
@@ -155,7 +160,10 @@ class FrameTracker {
   }
   static Status check(const Pose<Scalar>& pose) noexcept {
     if (!detail::all_finite(pose.matrix())) return Status::non_finite;
-    return is_rigid(pose) ? Status::ok : Status::not_a_rotation;
+    if (!is_rigid(pose)) return Status::not_a_rotation;
+    // The difference of two places has to be a number, too.
+    const Scalar most = static_cast<Scalar>(detail::implausible_measurement);
+    return detail::norm(detail::origin(pose)) <= most ? Status::ok : Status::implausible;
   }
   static Matrix3<Scalar> orthonormal(const Matrix3<Scalar>& R) noexcept {
     return detail::UnitQuaternion<Scalar>::of(R).matrix();

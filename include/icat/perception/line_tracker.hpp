@@ -67,11 +67,11 @@ class LineTracker {
   }
 
   /// The lines of a picture, `dt` s after the one before (>= 0; more than 1 s counts as 1 s). Those
-  /// of the other camera or kind, and those that are not finite, do not count. Returns which one
-  /// was taken; −1, a miss, where none was, or where `dt` is none. A tracker without a valid track
-  /// takes the first such line other than `excluded`: two trackers follow a pair of contours, and
-  /// the second gets the first's choice as `excluded`. Step the one with a valid track first. No
-  /// allocation.
+  /// of the other camera or kind, and those that are not finite or have a ρ beyond 1e6 px, do not
+  /// count. Returns which one was taken; −1, a miss, where none was, or where `dt` is none. A
+  /// tracker without a valid track takes the first such line other than `excluded`: two trackers
+  /// follow a pair of contours, and the second gets the first's choice as `excluded`. Step the one
+  /// with a valid track first. No allocation.
   int step(double dt, std::span<const ContourLine<Scalar>> lines, int excluded = -1) noexcept {
     if (detail::check_step(dt) != Status::ok) {
       miss();
@@ -87,7 +87,8 @@ class LineTracker {
     for (std::size_t k = 0; k < lines.size(); ++k) {
       const ContourLine<Scalar>& z = lines[k];
       if (static_cast<int>(k) == excluded || z.camera != line_.camera || z.kind != line_.kind ||
-          !std::isfinite(z.theta) || !std::isfinite(z.rho) || !detail::all_finite(z.covariance)) {
+          !std::isfinite(z.theta) || !detail::all_finite(z.covariance) ||
+          !(std::abs(z.rho) <= static_cast<Scalar>(detail::implausible_measurement))) {
         continue;
       }
       const Scalar d = life_ == 0 ? static_cast<Scalar>(k) : difference(z);

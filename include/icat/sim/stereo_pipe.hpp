@@ -155,6 +155,9 @@ class StereoPipe {
     const double length = double(std::hypot(to(0) - from(0), to(1) - from(1)));
     if (!(length >= shortest)) return;
     const double deviation = options_.pixel_noise * options_.contrast / seen;
+    // With no threshold noise alone may show a line: one that may be anywhere is none.
+    const auto& k = cameras_[static_cast<std::size_t>(segment->line.camera)];
+    if (!(deviation < double(k.width))) return;
     const Pixel<Scalar> across(std::cos(segment->line.theta), std::sin(segment->line.theta));
     const Scalar a = static_cast<Scalar>(deviation * first);
     const Scalar b = static_cast<Scalar>(deviation * second);
