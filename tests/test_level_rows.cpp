@@ -111,7 +111,8 @@ TEST(LevelRows, ZeroRowsAppearNowhere) {
       Index k = 0;
       for (Index i = 0; i < rows; ++i) {
         // The first row, the last, and one between.
-        const bool zero = zeros == rows || (zeros > 0 && (i == 0 || (zeros == 3 && i % 2 == 1 && i < 4)));
+        const bool zero =
+            zeros == rows || (zeros > 0 && (i == 0 || (zeros == 3 && i % 2 == 1 && i < 4)));
         if (zero) J.row(i).setZero();
         if (zero) continue;
         rest.row(k++) = J.row(i);
@@ -126,13 +127,14 @@ TEST(LevelRows, ZeroRowsAppearNowhere) {
       EXPECT_EQ(with.rows.vanished, k < std::min(rows, n));
       EXPECT_EQ(with.rows.tall(), k > n);
       EXPECT_EQ((with.f() - without.f()).norm(), 0);
-      for (Index i = 0; i < std::min<Index>(k, n); ++i) EXPECT_EQ(with.rows.e(i, 0), without.rows.e(i, 0));
+      for (Index i = 0; i < std::min<Index>(k, n); ++i)
+        EXPECT_EQ(with.rows.e(i, 0), without.rows.e(i, 0));
     }
   }
 }
 
-// A row that repeats another leaves a singular value of zero in C, which is no partial row; one that
-// nearly does leaves a small one, which is.
+// A row that repeats another leaves a singular value of zero in C, which is no partial row; one
+// that nearly does leaves a small one, which is.
 TEST(LevelRows, RepeatedRowsAreNoPartialRows) {
   HierarchyGenerator gen(2);
   for (const double off : {0.0, 1e-12, 1e-9, 1e-6, 1e-3}) {

@@ -172,8 +172,8 @@ TEST(Paths, StartsThatChooseCoordinatesAndOthers) {
   }
 }
 
-// Tasks of columns that are given have zero rows: alone in a level, beside others, partial, and with
-// a start that takes the last columns, or others.
+// Tasks of columns that are given have zero rows: alone in a level, beside others, partial, and
+// with a start that takes the last columns, or others.
 TEST(Paths, RowsOfGivenColumns) {
   HierarchyGenerator gen(17);
   for (const bool last : {true, false}) {
@@ -193,7 +193,8 @@ TEST(Paths, RowsOfGivenColumns) {
       VectorXd weights = VectorXd::Ones(3);
       weights(1) = a;
       h.levels = {level(gen, rows(1), VectorXd::Constant(1, a)),
-                  level(gen, rows(6), VectorXd::Constant(6, a)), level(gen, mixed, weights),
+                  level(gen, rows(6), VectorXd::Constant(6, a)),
+                  level(gen, mixed, weights),
                   level(gen, gen.matrix(1, 9), VectorXd::Constant(1, a)),
                   level(gen, rows(12), VectorXd::Ones(12)),
                   level(gen, gen.matrix(6, 9), VectorXd::Ones(6))};

@@ -90,11 +90,11 @@ class LevelRows {
   bool binary{true};  ///< all activations are 1
   bool regularized{false};
   bool vanished{false};  ///< zero rows left fewer than there were, and than there are free axes
-  Index below{0};      ///< eigenvalues of S below the threshold
-  Block bt{}, g{};     ///< Bᵀ, r × m, and S; of a tall level bt is its last chunk of rows
-  Block f{}, basis{};  ///< f_large(S); if regularized V, of which the last `below` columns count
-  Block change{};      ///< of a tall level that is not binary: C. Of a wide one free: r × r
-  Block e{}, rhs{};    ///< A^{3/2} e, m × sides; of a tall level Bᵀ A^{3/2} e
+  Index below{0};        ///< eigenvalues of S below the threshold
+  Block bt{}, g{};       ///< Bᵀ, r × m, and S; of a tall level bt is its last chunk of rows
+  Block f{}, basis{};    ///< f_large(S); if regularized V, of which the last `below` columns count
+  Block change{};        ///< of a tall level that is not binary: C. Of a wide one free: r × r
+  Block e{}, rhs{};      ///< A^{3/2} e, m × sides; of a tall level Bᵀ A^{3/2} e
   Scalar *a{}, *gains{}, *inverses{};  ///< activations; σ_i f(σ_i) and f(σ_i)
 
  private:
@@ -139,7 +139,7 @@ class LevelRows {
 
   /// Rows that are zero on the free axes appear nowhere, like those with a = 0: tasks of the base
   /// where its velocity is given, for one.
-  void drop_vanished() noexcept {
+  [[gnu::noinline]] void drop_vanished() noexcept {
     Index kept = 0;
     for (Index i = 0; i < active_; ++i) {
       if (bt(0, i) == Scalar(0) && dot(free(), bt[i], bt[i]) == Scalar(0)) continue;
@@ -201,13 +201,13 @@ class LevelRows {
     product(Into::set, rank, rank, rank, f, elements(weighted), change);
   }
   /// F of S = F Fᵀ for a tall level, of S = FᵀF for another.
-  Factor<Scalar> factor() const noexcept {
+  [[gnu::cold]] [[gnu::noinline]] Factor<Scalar> factor() const noexcept {
     if (!tall()) return {bt, free(), false};
     return folds() ? Factor<Scalar>{triangle(), free(), true} : Factor<Scalar>{bt, active_, true};
   }
   /// One eigenvalue λ of S below the threshold and its vector v, by power steps of f = S⁻¹. It is
   /// the only one where the trace of f without 1/λ is at most 1/σ_t; `sum` is σ_t times the trace.
-  bool set_apart(Scalar sum) noexcept {
+  [[gnu::cold]] [[gnu::noinline]] bool set_apart(Scalar sum) noexcept {
     const Index k = rank;
     const Block work = system.scratch[1];
     Scalar *v = basis[k - 1], *w = work[0];
@@ -216,8 +216,9 @@ class LevelRows {
     for (Index j = 0; j < k; ++j) squares += dot(k, f[j], f[j]);
     if (!(sum - threshold() * std::sqrt(squares) <= Scalar(1))) return false;
     if (!dominant_vector(k, f, v, w)) return false;
-    factor().apply(k, 1, {v, 0}, work.from(1));
-    const Scalar value = dot(factor().rows, work[1], work[1]);
+    const Factor<Scalar> of_g = factor();
+    of_g.apply(k, 1, {v, 0}, work.from(1));
+    const Scalar value = dot(of_g.rows, work[1], work[1]);
     if (!(value >= smallest * threshold() && sum - threshold() / value <= Scalar(1))) return false;
     // f ← (I − v vᵀ) f (I − v vᵀ)
     product(Into::set, k, 1, k, f, {v, 1, 0}, {w, 0});
@@ -235,7 +236,7 @@ class LevelRows {
     set_regularized();
     return true;
   }
-  bool invert_spectrally() noexcept {
+  [[gnu::cold]] [[gnu::noinline]] bool invert_spectrally() noexcept {
     const Index k = rank;
     const Block work = system.scratch[1];
     SpectralInverse<Scalar>& spectral = system.spectral;
@@ -252,7 +253,7 @@ class LevelRows {
     return true;
   }
   /// f, basis, gains and inverses are there.
-  void set_regularized() noexcept {
+  [[gnu::cold]] [[gnu::noinline]] void set_regularized() noexcept {
     regularized = below > 0;
     if (!tall() || binary) return;
     // W = BᵀAB = RᵀR, R that of A^{1/2} B or these rows: vᵀW loses digits for small v, (R v)ᵀR does

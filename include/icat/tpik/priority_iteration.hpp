@@ -163,7 +163,8 @@ class PriorityIteration {
   /// y_ = B z where rows and partial rows depend on each other, or nothing is certain.
   [[gnu::cold]] bool solve_dependent() noexcept {
     const Index r = free(), m = level_.rank;
-    if (m == r && !level_.regularized && system().corrected_rows(level_.bt, level_.f, level_.e, y_)) {
+    if (m == r && !level_.regularized &&
+        system().corrected_rows(level_.bt, level_.f, level_.e, y_)) {
       return true;
     }
     const bool spans = m + q().partial() >= r;  // else M has zeros, and no Cholesky factor

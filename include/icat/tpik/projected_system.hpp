@@ -110,7 +110,7 @@ class ProjectedSystem {
 
   /// More rows than free axes, G = BᵀB ≥ σ_t with its inverse `f`: K_v > 0 is enough. With
   /// η K₀ = L Lᵀ and H = G⁻¹ V L, z = G⁻¹ b − H (I + LᵀVᵀ H)⁻¹ Hᵀ b.
-  bool corrected(Block f, Block rhs, Block z) noexcept {
+  [[gnu::cold]] bool corrected(Block f, Block rhs, Block z) noexcept {
     const Index r = projector.free(), p = projector.partial();
     const auto& [k, l, vl, h, s] = scratch;
     if (projector.dense() || !factor_k(k, s, l)) return false;
@@ -124,7 +124,7 @@ class ProjectedSystem {
   }
   /// As many rows as free axes, G = BBᵀ ≥ σ_t with its inverse `f`: the same in the coordinates of
   /// the rows. With H = G⁻¹ B V L, y = B z = e − H (I + HᵀH)⁻¹ Hᵀ e.
-  bool corrected_rows(Block jt, Block f, Block e, Block y) noexcept {
+  [[gnu::cold]] bool corrected_rows(Block jt, Block f, Block e, Block y) noexcept {
     const Index r = projector.free(), p = projector.partial();
     const auto& [k, l, vl, h, s] = scratch;
     if (projector.dense() || !factor_k(k, s, l)) return false;
