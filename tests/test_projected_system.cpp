@@ -184,6 +184,36 @@ TEST_F(ProjectedSystem, WaysAgreeOnTallLevels) {
   }
 }
 
+// As many rows as free axes: K_v > 0 is enough, which is c > σ_t with the c of
+// TakenAxesCountAgainstThePartialRow, whatever a is.
+TEST_F(ProjectedSystem, SquareLevelsAreCorrectedWhereThePartialRowIsLeft) {
+  HierarchyGenerator gen(3);
+  for (const double a : {0.02, 0.4}) {
+    for (const double c : {1.0, 0.5, 0.02, 0.0101, 0.0099, 0.005}) {
+      SCOPED_TRACE(testing::Message() << a << ", " << c);
+      start(a, 1, std::sqrt(1 / c - 1));
+      const Index r = system.projector.free();
+      const MatrixXd B = testing_support::orthogonal(gen.matrix(r, r));  // G = I
+      level(B);
+      const VectorXd by_full = B * full();
+      EXPECT_EQ(system.corrected_rows(rows, inverse, e, y), c > threshold);
+      if (c <= threshold) continue;
+      EXPECT_LT((Panels<double>::block(y, r, 1) - by_full).norm(), 1e-10);
+      EXPECT_GT((by_full - VectorXd::Ones(r)).norm(), 1e-9);  // something was corrected
+    }
+  }
+}
+TEST_F(ProjectedSystem, DenseProjectorsAreNotCorrected) {
+  HierarchyGenerator gen(4);
+  start(0.4);
+  level(gen.matrix(n, n));
+  EXPECT_TRUE(system.corrected_rows(rows, inverse, e, y));
+  EXPECT_TRUE(system.corrected(inverse, rhs, z));
+  system.projector.become_dense();
+  EXPECT_FALSE(system.corrected_rows(rows, inverse, e, y));
+  EXPECT_FALSE(system.corrected(inverse, rhs, z));
+}
+
 // A wide level leaves a direction at a²: Cholesky factors above the threshold, `reduced` below.
 TEST_F(ProjectedSystem, WaysAgreeOnWideLevels) {
   HierarchyGenerator gen(2);

@@ -172,6 +172,37 @@ TEST(Paths, StartsThatChooseCoordinatesAndOthers) {
   }
 }
 
+// Tasks of columns that are given have zero rows: alone in a level, beside others, partial, and
+// with a start that takes the last columns, or others.
+TEST(Paths, RowsOfGivenColumns) {
+  HierarchyGenerator gen(17);
+  for (const bool last : {true, false}) {
+    for (const double a : {1.0, 0.5}) {
+      SCOPED_TRACE(testing::Message() << last << ", " << a);
+      RandomHierarchy h = empty(9);
+      const int given = last ? 5 : 2;
+      for (int i = given; i < given + 4; ++i) h.Q0(i, i) = 0;
+      h.rho0.segment(given, 4).setConstant(0.3);
+      const auto rows = [&](int m) {
+        MatrixXd J = MatrixXd::Zero(m, 9);
+        J.middleCols(given, 4) = gen.matrix(m, 4);
+        return J;
+      };
+      MatrixXd mixed = gen.matrix(3, 9);
+      mixed.row(1) = rows(1);
+      VectorXd weights = VectorXd::Ones(3);
+      weights(1) = a;
+      h.levels = {level(gen, rows(1), VectorXd::Constant(1, a)),
+                  level(gen, rows(6), VectorXd::Constant(6, a)),
+                  level(gen, mixed, weights),
+                  level(gen, gen.matrix(1, 9), VectorXd::Constant(1, a)),
+                  level(gen, rows(12), VectorXd::Ones(12)),
+                  level(gen, gen.matrix(6, 9), VectorXd::Ones(6))};
+      expect_literal(h);
+    }
+  }
+}
+
 // Where a general hierarchy has used up every direction, what follows is nothing.
 TEST(Paths, NothingLeft) {
   HierarchyGenerator gen(8);

@@ -216,6 +216,33 @@ template <class Scalar>
   return true;
 }
 
+/// `v` ← the eigenvector of the largest eigenvalue of the positive definite `s`, by power steps
+/// from its largest column; `w` is scratch. False unless each step brings it nearer by a factor of
+/// 16: another eigenvalue is near.
+template <class Scalar>
+[[gnu::noinline]] bool dominant_vector(Index n, Panel<Scalar> s, Scalar* v, Scalar* w) noexcept {
+  Index largest = 0;
+  for (Index i = 1; i < n; ++i) largest = s(i, i) > s(largest, largest) ? i : largest;
+  const Scalar* x = s[largest];
+  const Scalar nothing = Scalar(n) * std::numeric_limits<Scalar>::epsilon();
+  Scalar before = infinity<Scalar>;
+  for (bool first = true;; first = false) {
+    const Scalar length = std::sqrt(dot(n, x, x));
+    if (!(length > Scalar(0)) || !std::isfinite(length)) return false;
+    scale(n, Scalar(1) / length, x, w);
+    combine(n, Scalar(1), w, Scalar(-1), v, v);
+    const Scalar change = dot(n, v, v);
+    scale(n, Scalar(1), w, v);
+    if (!first) {
+      if (change <= nothing * nothing) return true;
+      if (!(change < before / Scalar(256))) return false;
+      before = change;
+    }
+    product(Into::set, n, 1, n, s, {v, 1, 0}, {w, 0});
+    x = w;
+  }
+}
+
 template <class Scalar>
 Scalar trace(Index n, Panel<Scalar> s) noexcept {
   Scalar sum(0);

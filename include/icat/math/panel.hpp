@@ -272,7 +272,8 @@ template <class Scalar>
                             Scalar* out) noexcept {
   Index i = 0;
   for (; i + 4 <= k; i += 4) dots<4>(rows, a.from(i), x, out + i);
-  for (; i < k; ++i) out[i] = inline_dot(rows, a[i], x);
+  if (i + 2 <= k) dots<2>(rows, a.from(i), x, out + i), i += 2;
+  if (i < k) out[i] = inline_dot(rows, a[i], x);
 }
 
 /// `c (k × l) = aᵀ b`

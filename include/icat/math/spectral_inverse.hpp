@@ -20,6 +20,21 @@
 
 namespace icat::detail {
 
+/// F (`rows` × n) as it is, or `transposed`.
+template <class Scalar>
+struct Factor {
+  Panel<Scalar> panel;
+  Index rows;
+  bool transposed;
+
+  /// out = F x, x: n × k.
+  [[gnu::noinline]] void apply(Index n, Index k, Panel<Scalar> x,
+                               Panel<Scalar> out) const noexcept {
+    if (transposed) return transposed_product(n, rows, k, panel, x, out);
+    product(Into::set, rows, k, n, panel, elements(x), out);
+  }
+};
+
 /// For matrices up to n × n, in memory that it is given. Nothing allocates.
 template <class Scalar>
 class SpectralInverse {
@@ -51,14 +66,14 @@ class SpectralInverse {
 
   /// `out` = the part of f(S) of eigenvalues from the threshold on, leading n × n, zeros after each
   /// column's n; the others are the last `below` columns of `vectors`. Where S = FᵀF is given with
-  /// its `factor` F (`rows` × n), they are as accurate as the singular values of F.
+  /// its `factor` F, they are as accurate as the singular values of F.
   template <class Regularization>
   bool compute(Square s, Index n, Square out, const Regularization& f,
-               const Square* factor = nullptr, Index rows = 0) noexcept {
+               const Factor<Scalar>* factor = nullptr) noexcept {
     if (!prepare(s, n, Scalar(f.threshold))) return false;
     if (!(large_ ? rotate_all(s, f) : diagonalize(s, f))) return false;
     sort(unit_ * Scalar(f.threshold));
-    if (factor != nullptr) refine(*factor, rows, f);
+    if (factor != nullptr) refine(*factor, f);
     copy(vectors_, householder_, n);
     solve<false>(householder_.data, householder_.stride, n);
     for (Index i = n - below_; i < n; ++i) clear(householder_.from(i), 1);
@@ -294,11 +309,12 @@ class SpectralInverse {
   /// large as 1/λ² there. One-sided Jacobi rotations make the columns of F V orthogonal that belong
   /// to small ones; their squared norms are the eigenvalues.
   template <class Regularization>
-  [[gnu::cold]] void refine(Square factor, Index rows, const Regularization& f) noexcept {
+  [[gnu::cold]] void refine(const Factor<Scalar>& factor, const Regularization& f) noexcept {
     const Square c = householder_, v = vectors_;
+    const Index rows = factor.rows;
     const Scalar rounding = Scalar(rows) * std::numeric_limits<Scalar>::epsilon();
     const Index first = n_ - below_;
-    product(Into::set, rows, below_, n_, factor, elements(v.from(first)), c.from(first));
+    factor.apply(n_, below_, v.from(first), c.from(first));
     for (Index i = first; i < n_; ++i) value_[i] = dot(rows, c[i], c[i]);
     bool rotated = true;
     for (int sweep = 0; sweep < 4 && rotated; ++sweep) {

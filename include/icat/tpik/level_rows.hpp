@@ -39,6 +39,7 @@ class LevelRows {
     active_ = active;
     stored_ = 0;
     binary = true;
+    vanished = false;
     if (!folds()) return;
     for (Block b : {g, change, triangle(), weighted_triangle()}) clear(b, free());
     clear(rhs, sides_);
@@ -85,14 +86,15 @@ class LevelRows {
   }
 
   ProjectedSystem<Scalar, Regularization> system;
-  Index rank{0};      ///< of S: m, or r of a tall level
+  Index rank{0};      ///< of S: m without vanished rows, or r of a tall level
   bool binary{true};  ///< all activations are 1
   bool regularized{false};
-  Index below{0};      ///< eigenvalues of S below the threshold
-  Block bt{}, g{};     ///< Bᵀ, r × m, and S; of a tall level bt is its last chunk of rows
-  Block f{}, basis{};  ///< f_large(S); if regularized V, of which the last `below` columns count
-  Block change{};      ///< of a tall level that is not binary: C. Of a wide one free: r × r
-  Block e{}, rhs{};    ///< A^{3/2} e, m × sides; of a tall level Bᵀ A^{3/2} e
+  bool vanished{false};  ///< zero rows left fewer than there were, and than there are free axes
+  Index below{0};        ///< eigenvalues of S below the threshold
+  Block bt{}, g{};       ///< Bᵀ, r × m, and S; of a tall level bt is its last chunk of rows
+  Block f{}, basis{};    ///< f_large(S); if regularized V, of which the last `below` columns count
+  Block change{};        ///< of a tall level that is not binary: C. Of a wide one free: r × r
+  Block e{}, rhs{};      ///< A^{3/2} e, m × sides; of a tall level Bᵀ A^{3/2} e
   Scalar *a{}, *gains{}, *inverses{};  ///< activations; σ_i f(σ_i) and f(σ_i)
 
  private:
@@ -107,9 +109,11 @@ class LevelRows {
 
   /// Makes the rows gathered so far Bᵀ, and e A^{3/2} e; a tall level sums them up.
   void absorb() noexcept {
-    const Index k = stored_, r = free();
-    system.projector.turn(k, bt);
-    system.projector.restrict(k, bt);
+    const Index r = free();
+    system.projector.turn(stored_, bt);
+    system.projector.restrict(stored_, bt);
+    if (!folds()) drop_vanished();
+    const Index k = stored_;
     if (!binary) {
       for (Index i = 0; i < k; ++i) {
         const Scalar root = std::sqrt(a[i]);
@@ -133,13 +137,29 @@ class LevelRows {
     stored_ = 0;
   }
 
+  /// Rows that are zero on the free axes appear nowhere, like those with a = 0: tasks of the base
+  /// where its velocity is given, for one.
+  [[gnu::noinline]] void drop_vanished() noexcept {
+    Index kept = 0;
+    for (Index i = 0; i < active_; ++i) {
+      if (bt(0, i) == Scalar(0) && dot(free(), bt[i], bt[i]) == Scalar(0)) continue;
+      if (kept++ == i) continue;
+      std::copy_n(bt[i], bt.stride, bt[kept - 1]);
+      for (Index c = 0; c < sides_; ++c) e(kept - 1, c) = e(i, c);
+      a[kept - 1] = a[i];
+    }
+    if (kept == active_) return;
+    vanished = kept < std::min(active_, free());
+    active_ = stored_ = kept;
+    binary = std::count(a, a + kept, Scalar(1)) == kept;
+  }
   /// BᵀA^{1/2} of a tall level's chunk.
   [[gnu::noinline]] void weigh_rows(Index k) noexcept {
     for (Index i = 0; i < k; ++i) scale(free(), std::sqrt(a[i]), bt[i], weighted_rows()[i]);
   }
   [[gnu::noinline]] void fold(Index k) noexcept {
     Scalar *w = system.scratch[1].data, *x = system.scratch[2].data;
-    if (!binary || folds()) detail::fold(free(), k, weighted_rows(), weighted_triangle(), w, x);
+    detail::fold(free(), k, weighted_rows(), weighted_triangle(), w, x);
     detail::fold(free(), k, bt, triangle(), w, x);
   }
 
@@ -148,6 +168,7 @@ class LevelRows {
   bool invert_gram() noexcept {
     const Index k = rank;
     below = 0;
+    if (k == 0) return true;
     if (k == 1) {
       const Scalar square = g(0, 0);
       regularized = !(square >= threshold());
@@ -165,9 +186,10 @@ class LevelRows {
     copy(g, f, k);
     // The trace of the inverse bounds the inverse of the smallest eigenvalue; a Cholesky factor of
     // g − σ_t I decides.
-    if (!detail::invert(k, f, threshold()) || !(trace(k, f) * threshold() <= Scalar(1) ||
-                                                cholesky(k, g, system.scratch[0], threshold()))) {
-      return invert_spectrally();
+    if (!detail::invert(k, f, threshold() * smallest)) return invert_spectrally();
+    const Scalar inverses_sum = trace(k, f) * threshold();
+    if (!(inverses_sum <= Scalar(1) || cholesky(k, g, system.scratch[0], threshold()))) {
+      return set_apart(inverses_sum) || invert_spectrally();
     }
     if (tall() && !binary) set_change();
     return true;
@@ -178,42 +200,78 @@ class LevelRows {
     copy(change, weighted, rank);
     product(Into::set, rank, rank, rank, f, elements(weighted), change);
   }
-  bool invert_spectrally() noexcept {
+  /// F of S = F Fᵀ for a tall level, of S = FᵀF for another.
+  [[gnu::cold]] [[gnu::noinline]] Factor<Scalar> factor() const noexcept {
+    if (!tall()) return {bt, free(), false};
+    return folds() ? Factor<Scalar>{triangle(), free(), true} : Factor<Scalar>{bt, active_, true};
+  }
+  /// One eigenvalue λ of S below the threshold and its vector v, by power steps of f = S⁻¹. It is
+  /// the only one where the trace of f without 1/λ is at most 1/σ_t; `sum` is σ_t times the trace.
+  [[gnu::cold]] [[gnu::noinline]] bool set_apart(Scalar sum) noexcept {
+    const Index k = rank;
+    const Block work = system.scratch[1];
+    Scalar *v = basis[k - 1], *w = work[0];
+    // 1/λ is the norm of f, which is at most the root of the sum of its squares.
+    Scalar squares(0);
+    for (Index j = 0; j < k; ++j) squares += dot(k, f[j], f[j]);
+    if (!(sum - threshold() * std::sqrt(squares) <= Scalar(1))) return false;
+    if (!dominant_vector(k, f, v, w)) return false;
+    const Factor<Scalar> of_g = factor();
+    of_g.apply(k, 1, {v, 0}, work.from(1));
+    const Scalar value = dot(of_g.rows, work[1], work[1]);
+    if (!(value >= smallest * threshold() && sum - threshold() / value <= Scalar(1))) return false;
+    // f ← (I − v vᵀ) f (I − v vᵀ)
+    product(Into::set, k, 1, k, f, {v, 1, 0}, {w, 0});
+    axpy(k, dot(k, v, w) / Scalar(-2), v, w);
+    subtract_symmetric(Index(0), Index(0), k, v, w, f);
+    // The reflection of v onto the last axis has v for its last column, but for the sign.
+    std::copy_n(v, work.stride, w);
+    const Scalar tau = Reflection<Scalar>::make(k, w, k - 1).tau;
+    clear(basis, k - 1);
+    for (Index j = 0; j < k - 1; ++j) basis(j, j) = Scalar(1);
+    add_outer(k, k - 1, -tau, w, w, 1, basis);
+    below = 1;
+    inverses[k - 1] = system.regularization.inverse(value);
+    gains[k - 1] = value * inverses[k - 1];
+    set_regularized();
+    return true;
+  }
+  [[gnu::cold]] [[gnu::noinline]] bool invert_spectrally() noexcept {
     const Index k = rank;
     const Block work = system.scratch[1];
     SpectralInverse<Scalar>& spectral = system.spectral;
-    if (tall() && !folds()) {
-      clear(triangle(), k);
-      clear(weighted_triangle(), k);
-      weigh_rows(active_);
-      fold(active_);
-    }
-    if (tall()) transpose(k, k, triangle(), basis);
     copy(g, work, k);
-    if (!spectral.compute(work, k, f, system.regularization, tall() ? &basis : &bt,
-                          tall() ? k : free())) {
-      return false;
-    }
+    const Factor<Scalar> of_g = factor();
+    if (!spectral.compute(work, k, f, system.regularization, &of_g)) return false;
     below = spectral.below();
-    regularized = below > 0;
     copy(spectral.vectors(), basis, k);
     for (Index i = k - below; i < k; ++i) {
       gains[i] = spectral.gain(i);
       inverses[i] = spectral.inverse(i);
     }
-    if (tall() && !binary) {
-      // W = BᵀAB = RᵀR, R that of A^{1/2} B: vᵀW loses digits for small v, (R v)ᵀR does not.
-      set_change();
-      for (Index i = k - below; i < k; ++i) {
-        const Block v = basis.from(i), rv = work, w = work.from(1);
-        transposed_product(k, k, 1, weighted_triangle(), v, rv);
-        product(Into::set, k, 1, k, weighted_triangle(), elements(rv), w);
-        add_outer(k, k, spectral.inverse(i), v[0], w[0], 1, change);
-      }
-    }
+    set_regularized();
     return true;
   }
+  /// f, basis, gains and inverses are there.
+  [[gnu::cold]] [[gnu::noinline]] void set_regularized() noexcept {
+    regularized = below > 0;
+    if (!tall() || binary) return;
+    // W = BᵀAB = RᵀR, R that of A^{1/2} B or these rows: vᵀW loses digits for small v, (R v)ᵀR does
+    // not.
+    set_change();
+    const Index k = rank, rows = folds() ? k : active_;
+    if (!folds()) weigh_rows(rows);
+    const Block weighted = folds() ? weighted_triangle() : weighted_rows();
+    for (Index i = k - below; i < k; ++i) {
+      const Block v = basis.from(i), rv = system.scratch[1], w = rv.from(1);
+      transposed_product(k, rows, 1, weighted, v, rv);
+      product(Into::set, k, 1, rows, weighted, elements(rv), w);
+      add_outer(k, k, inverses[i], v[0], w[0], 1, change);
+    }
+  }
 
+  /// Of the threshold: below it eigenvalues are left to SpectralInverse.
+  static constexpr Scalar smallest = Scalar(1e-2);
   Index dof_{0}, sides_{0}, active_{0}, stored_{0};
 };
 

@@ -64,17 +64,22 @@ class PriorityIteration {
   /// Computes `increment`; `accept` then takes over the next projector. False, with
   /// nothing changed, if anything overflowed.
   bool solve() noexcept {
-    level_.regularized = false;
+    level_.regularized = level_.vanished = false;
     if (free() == 0) {
       clear(increment, sides_);
       return true;
     }
-    return level_.finish() && (level_.tall() ? solve_tall() : solve_wide()) && extend();
+    if (!level_.finish()) return false;
+    if (level_.rank == 0) {
+      clear(increment, sides_);
+      return true;
+    }
+    return (level_.tall() ? solve_tall() : solve_wide()) && extend();
   }
 
   /// The projector becomes that after the level solved last.
   void accept() noexcept {
-    if (free() == 0) return;
+    if (free() == 0 || level_.rank == 0) return;
     if (level_.binary && !level_.regularized) {
       level_.tall() ? q().reset_to_zero() : q().take(level_.rank, level_.bt);
       return;
@@ -114,7 +119,7 @@ class PriorityIteration {
   }
 
   /// A singular value of the last level's XᵀAX, in the span of its rows, lay below the threshold.
-  bool regularized() const noexcept { return level_.regularized; }
+  bool regularized() const noexcept { return level_.regularized || level_.vanished; }
 
   /// Column `j` of Q, n.
   const Scalar* projector_column(Index j) const noexcept {
@@ -158,6 +163,10 @@ class PriorityIteration {
   /// y_ = B z where rows and partial rows depend on each other, or nothing is certain.
   [[gnu::cold]] bool solve_dependent() noexcept {
     const Index r = free(), m = level_.rank;
+    if (m == r && !level_.regularized &&
+        system().corrected_rows(level_.bt, level_.f, level_.e, y_)) {
+      return true;
+    }
     const bool spans = m + q().partial() >= r;  // else M has zeros, and no Cholesky factor
     if (!spans && !level_.regularized && system().reduces(m) &&
         system().reduced(m, level_.bt, level_.g, level_.e, y_)) {
@@ -203,8 +212,13 @@ class PriorityIteration {
     return all_finite(sides_ * increment.stride, increment.data);
   }
 
+  /// A singular value of C that Q − Q C does not notice: of a row that repeats another, say.
+  static bool negligible(Scalar gain) noexcept {
+    return gain <= std::numeric_limits<Scalar>::epsilon();
+  }
   /// No row leaves: L C = (L B⁺) A B with B⁺ = Bᵀ f(BBᵀ).
   void accept_partial() noexcept {
+    if (level_.rank == 1 && negligible(level_.a[0] * level_.gains[0])) return;
     const auto& [left, u, w, unused, unused1] = system().scratch;
     product(Into::set, free(), level_.rank, level_.rank, level_.bt, elements(level_.f), left);
     for (Index i = level_.rank - level_.below; i < level_.rank; ++i) {
@@ -221,7 +235,7 @@ class PriorityIteration {
   /// threshold: C is the projector on the rows with σ_i f(σ_i) instead of 1 in the directions v_i,
   /// or Bᵀ v_i / √σ_i. The others leave.
   void accept_regularized() noexcept {
-    const auto& [rows, u, v, unused, unused1] = system().scratch;
+    const auto& [rows, u, v, scaled, unused] = system().scratch;
     const Index r = free(), rest = level_.rank - level_.below;
     if (level_.tall()) {
       copy(level_.basis, rows, level_.rank);
@@ -232,10 +246,14 @@ class PriorityIteration {
         scale(r, square > Scalar(0) ? Scalar(1) / std::sqrt(square) : Scalar(0), rows[i], rows[i]);
       }
     }
-    q().extend(level_.below, rows.from(rest), u);
-    for (Index i = 0; i < level_.below; ++i) scale(u.stride, level_.gains[rest + i], u[i], u[i]);
-    copy(rows.from(rest), v, level_.below);
-    q().gain(level_.below, u, v);
+    Index gained = 0;
+    for (Index i = rest; i < level_.rank; ++i) {
+      if (negligible(level_.gains[i])) continue;
+      std::copy_n(rows[i], rows.stride, v[gained]);
+      scale(rows.stride, level_.gains[i], rows[i], scaled[gained++]);
+    }
+    q().extend(gained, scaled, u);
+    q().gain(gained, u, v);
     q().take(rest, rows);
   }
 

@@ -48,13 +48,13 @@ class ProjectedSystem {
   void reset() noexcept { small_eigenvalues_ = false; }
 
   /// Rows that are independent of the partial ones, m + p ≤ r: then z can satisfy both, and B z =
-  /// e. It is certain where K_v = L Lᵀ, G = BBᵀ ≥ σ_t and Lᵀ (VᵀV − VᵀBᵀ (G − σ_t I)⁻¹ B V) L >
-  /// σ_t, of which (G − σ_t I)⁻¹ ≤ G⁻¹ + σ_t / (1 − σ_t tr G⁻¹) G⁻². `f` is G⁻¹.
+  /// e. It is certain where K_v > 0, G = BBᵀ ≥ σ_t and VᵀV − VᵀBᵀ (G − σ_t I)⁻¹ B V > σ_t K_v⁻¹, of
+  /// which (G − σ_t I)⁻¹ ≤ G⁻¹ + σ_t / (1 − σ_t tr G⁻¹) G⁻². `f` is G⁻¹.
   bool independent(Index m, Block jt, Block f) noexcept {
     const Index r = projector.free(), p = projector.partial();
     if (m + p > r || small_eigenvalues_) return false;
     const Scalar rest = Scalar(1) - sigma_ * trace(m, f);
-    const auto& [s, bv, fbv, l, product_] = scratch;
+    const auto& [s, bv, fbv, product_, unused] = scratch;
     if (!(rest > Scalar(0)) || !set_kv(s)) return false;
     transposed_product(r, m, p, jt, projector.v(), bv);
     product(Into::set, m, p, m, f, elements(bv), fbv);
@@ -63,17 +63,15 @@ class ProjectedSystem {
           projector.v_gram()(0, 0) - dot(m, bv[0], fbv[0]) - sigma_ / rest * dot(m, fbv[0], fbv[0]);
       return s(0, 0) > Scalar(0) && s(0, 0) * v > sigma_;
     }
-    if (!cholesky(p, s, product_)) return false;
-    explicit_factor(p, product_, l);
-    transposed_product(m, p, p, bv, fbv, product_);
+    // VᵀV − VᵀBᵀ (G⁻¹ + …) B V − σ_t K_v⁻¹ > 0
+    if (!detail::invert(p, s, Scalar(0))) return false;
     for (Index j = 0; j < p; ++j) {
-      combine(p, Scalar(-1), product_[j], Scalar(1), projector.v_gram()[j], s[j]);
+      combine(m, Scalar(1), bv[j], sigma_ / rest, fbv[j], bv[j]);
+      combine(p, Scalar(1), projector.v_gram()[j], -sigma_, s[j], s[j]);
     }
-    gram(m, p, fbv, product_);
-    add(p, p, -sigma_ / rest, product_, s);
-    product(Into::set, p, p, p, s, elements(l), product_);
-    transposed_product(p, p, p, l, product_, s);
-    return cholesky(p, s, product_, sigma_);
+    transposed_product(m, p, p, bv, fbv, product_);
+    add(p, p, Scalar(-1), product_, s);
+    return cholesky(p, s, product_);
   }
 
   /// z = M⁻¹ `rhs` by Cholesky factors, where BᵀB + V K_v Vᵀ − σ_t I has one. `btb` is BᵀB.
@@ -112,22 +110,31 @@ class ProjectedSystem {
 
   /// More rows than free axes, G = BᵀB ≥ σ_t with its inverse `f`: K_v > 0 is enough. With
   /// η K₀ = L Lᵀ and H = G⁻¹ V L, z = G⁻¹ b − H (I + LᵀVᵀ H)⁻¹ Hᵀ b.
-  bool corrected(Block f, Block rhs, Block z) noexcept {
+  [[gnu::cold]] bool corrected(Block f, Block rhs, Block z) noexcept {
     const Index r = projector.free(), p = projector.partial();
     const auto& [k, l, vl, h, s] = scratch;
-    if (projector.dense() || !set_kv(k) || !cholesky(p, k, l)) return false;
-    scale(p, p, eta_, projector.k_free(), k);
-    if (!cholesky(p, k, s)) return false;
-    explicit_factor(p, s, l);
+    if (projector.dense() || !factor_k(k, s, l)) return false;
     product(Into::set, r, p, p, projector.v(), elements(l), vl);
     product(Into::set, r, p, r, f, elements(vl), h);
     transposed_product(r, p, p, vl, h, k);
-    for (Index j = 0; j < p; ++j) k(j, j) += Scalar(1);
-    if (!cholesky(p, k, s)) return false;
+    if (!correct(r, k, h, rhs, s)) return false;
     product(Into::set, r, sides_, r, f, elements(rhs), z);
-    transposed_product(r, p, sides_, h, rhs, other_);
-    for (Index c = 0; c < sides_; ++c) cholesky_solve(p, s, other_[c], side_[c]);
     product(Into::subtract, r, sides_, p, h, elements(side_), z);
+    return true;
+  }
+  /// As many rows as free axes, G = BBᵀ ≥ σ_t with its inverse `f`: the same in the coordinates of
+  /// the rows. With H = G⁻¹ B V L, y = B z = e − H (I + HᵀH)⁻¹ Hᵀ e.
+  [[gnu::cold]] bool corrected_rows(Block jt, Block f, Block e, Block y) noexcept {
+    const Index r = projector.free(), p = projector.partial();
+    const auto& [k, l, vl, h, s] = scratch;
+    if (projector.dense() || !factor_k(k, s, l)) return false;
+    product(Into::set, r, p, p, projector.v(), elements(l), vl);
+    transposed_product(r, r, p, jt, vl, k);
+    product(Into::set, r, p, r, f, elements(k), h);
+    gram(r, p, h, k);
+    if (!correct(r, k, h, e, s)) return false;
+    copy_rows(r, sides_, e, y);
+    product(Into::subtract, r, sides_, p, h, elements(side_), y);
     return true;
   }
 
@@ -238,6 +245,24 @@ class ProjectedSystem {
     const Index p = projector.partial();
     scale(p, p, eta_, projector.k_free(), kv);
     if (taken()) add(p, p, -sigma_ * eta_ / (eta_ - sigma_), projector.k_taken(), kv);
+    return true;
+  }
+  /// L of η K₀ = L Lᵀ, where K_v > 0; `k` and `s` are scratch.
+  [[gnu::noinline]] bool factor_k(Block k, Block s, Block l) noexcept {
+    const Index p = projector.partial();
+    if (!set_kv(k) || !cholesky(p, k, l)) return false;
+    scale(p, p, eta_, projector.k_free(), k);
+    if (!cholesky(p, k, s)) return false;
+    explicit_factor(p, s, l);
+    return true;
+  }
+  /// side_ = (I + k)⁻¹ hᵀ b, h: r × p; `s` is scratch.
+  [[gnu::noinline]] bool correct(Index r, Block k, Block h, Block b, Block s) noexcept {
+    const Index p = projector.partial();
+    for (Index j = 0; j < p; ++j) k(j, j) += Scalar(1);
+    if (!cholesky(p, k, s)) return false;
+    transposed_product(r, p, sides_, h, b, other_);
+    for (Index c = 0; c < sides_; ++c) cholesky_solve(p, s, other_[c], side_[c]);
     return true;
   }
   /// z = f(m) rhs; `m` is overwritten, `square` scratch.

@@ -35,7 +35,7 @@ class Projector {
 
   /// Q = I.
   void reset() noexcept {
-    free_ = dof_;
+    free_ = turned_ = dof_;
     partial_ = 0;
     dense_ = weighed_ = false;
   }
@@ -75,14 +75,14 @@ class Projector {
   Block v() const noexcept { return v_; }  ///< r × p, unless dense
 
   /// x (n × k) in the axes.
-  void turn(Index k, Block x) const noexcept { turn_by(dof_, k, x); }
+  void turn(Index k, Block x) const noexcept { turn_by(turned_, k, x); }
   [[gnu::noinline]] void turn_back(Index k, Block x) const noexcept {
     Index i = free_;
-    for (; i + 2 <= dof_; i += 2) {
+    for (; i + 2 <= turned_; i += 2) {
       reflect_twice(i + 2, tau_[i], reflections_[i], tau_[i + 1], reflections_[i + 1], overlap_[i],
                     k, x);
     }
-    if (i < dof_) reflect(i + 1, tau_[i], reflections_[i], k, x);
+    if (i < turned_) reflect(i + 1, tau_[i], reflections_[i], k, x);
   }
   /// x (b × k, in the axes) ← Lᵀ x (r × k).
   [[gnu::noinline]] void restrict(Index k, Block x) const noexcept {
@@ -134,7 +134,7 @@ class Projector {
       copy_between(Index(0), n, rows[i], x);
       std::fill_n(x + padded<Scalar>(n), reflections_.stride - padded<Scalar>(n), Scalar(0));
       const Scalar tau = tau_[n - 1] = Reflection<Scalar>::make(n, x, n - 1).tau;
-      overlap_[n - 1] = n < dof_ ? dot(n, x, reflections_[n]) : Scalar(0);
+      overlap_[n - 1] = n < turned_ ? dot(n, x, reflections_[n]) : Scalar(0);
       reflect(n, tau, x, k - i - 1, rows.from(i + 1));
       if (dense_) {  // U ← U (I − tau x xᵀ) without its last column
         product(Into::set, reach_, 1, n, u_, {x, 1, 0}, work_);
@@ -237,14 +237,18 @@ class Projector {
     Scalar* x = reflections_[last];
     std::fill_n(x, reflections_.stride, Scalar(0));
     tau_[last] = overlap_[last] = Scalar(0);
-    if (i == last) return;
+    if (i == last) {
+      if (turned_ == last + 1) turned_ = last;
+      return;
+    }
     x[i] = Scalar(1);
     x[last] = Scalar(-1);
     tau_[last] = Scalar(1);
-    if (last + 1 < dof_) overlap_[last] = dot(last + 1, x, reflections_[last + 1]);
+    if (last + 1 < turned_) overlap_[last] = dot(last + 1, x, reflections_[last + 1]);
   }
 
   Index dof_{0}, free_{0}, reach_{0}, partial_{0};
+  Index turned_{0};  // the axes from here on were taken as they are
   bool dense_{false}, weighed_{false};
   Block reflections_{}, u_{}, v_{}, k_free_{}, k_taken_{}, v_gram_{}, work_{};
   // With column i of the reflections, v_i: the one that took axis i; and v_iᵀ v_{i+1}.
