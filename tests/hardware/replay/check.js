@@ -52,6 +52,15 @@ async function main() {
     assert.notStrictEqual(first[what], middle[what], `${what} stands still`);
     assert.strictEqual(first[what], again[what], `${what} is not the same again`);
   }
+  // Why the robots move as they do, in words that change.
+  const reasons = () => page.locator(".why").allTextContents();
+  await look(page, 0.02);
+  const early = await reasons();
+  await look(page, 0.5);
+  const late = await reasons();
+  assert(early.length > 0 && early.every((words) => words.length > 20), `no reasons: ${early}`);
+  assert.notDeepStrictEqual(early, late, "the reasons stand still");
+  await look(page, 0.02);
   // A drag turns all pictures.
   const view = await page.locator(".view").first().boundingBox();
   await page.mouse.move(view.x + 200, view.y + 200);
