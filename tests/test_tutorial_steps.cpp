@@ -19,14 +19,17 @@ using tutorial::Form;
 using tutorial::Judgement;
 using tutorial::Outcome;
 
+std::string read(const std::string& path) {
+  const std::string here = __FILE__;
+  std::ifstream file(here.substr(0, here.rfind("tests")) + path);
+  std::stringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
 Outcome run_step(int step, Form form) {
   const Outcome outcome = tutorial::run(step, form);
   std::cout << outcome.text << "\n";
-  const std::string here = __FILE__;
-  std::ifstream file(here.substr(0, here.rfind("tests")) + "docs/tutorial.md");
-  std::stringstream page;
-  page << file.rdbuf();
-  EXPECT_NE(page.str().find("```\n" + outcome.text + "```\n"), std::string::npos)
+  EXPECT_NE(read("docs/tutorial.md").find("```\n" + outcome.text + "```\n"), std::string::npos)
       << "docs/tutorial.md does not show what step " << step << " prints";
   return outcome;
 }
@@ -71,6 +74,10 @@ TEST(TutorialSteps, TwoOrdersPriorities) {
   EXPECT_TRUE(reach.alarm);
   EXPECT_EQ(reach.cause, LossCause::bound);
   EXPECT_EQ(reach.limit, LimitKind::position);
+  // README.md shows the last line.
+  const std::size_t last = broken.text.rfind('\n', broken.text.size() - 2) + 1;
+  EXPECT_NE(read("README.md").find("```\n" + broken.text.substr(last) + "```\n"),
+            std::string::npos);
 }
 
 TEST(TutorialSteps, ThreeChangesActions) {

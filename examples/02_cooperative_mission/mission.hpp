@@ -265,7 +265,7 @@ inline Result run(const Variant& variant,
   const std::array<Side*, 2> sides{&a, &b};
 
   //! [agents]
-  Agents agents;
+  std::array<std::unique_ptr<icat::Agent<Robot>>, 2> agents;
   for (std::size_t i = 0; i < 2; ++i) {
     agents[i] = std::make_unique<icat::Agent<Robot>>(
         sides[i]->robot, sides[i]->actions(), sides[i]->shared(),

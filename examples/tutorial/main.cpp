@@ -17,8 +17,10 @@ int main(int argc, char** argv) {
 
   for (int step = 1; step <= tutorial::steps; ++step) {
     if (!only.empty() && only != std::to_string(step)) continue;
-    support::Replay replay(tutorial::title(step), step == 4);
-    std::printf("Step %d: %s\n", step, tutorial::title(step));
+    const std::string number = std::to_string(step);
+    const std::string title = "Step " + number + ": " + tutorial::title(step);
+    support::Replay replay(title.c_str(), step == 4);  // the vehicle's z points down
+    std::printf("%s\n", title.c_str());
     for (const auto form : {tutorial::Form::whole, tutorial::Form::broken}) {
       const auto outcome = tutorial::run(step, form, &replay);
       std::printf(
@@ -28,8 +30,7 @@ int main(int argc, char** argv) {
           1e3 * outcome.error, outcome.margin, outcome.text.c_str());
     }
     std::printf("\n");
-    replay.write(arguments.output + "/" + numbers[static_cast<std::size_t>(step - 1)],
-                 arguments.logs);
+    replay.write(arguments.output + "/" + number, arguments.logs);
     std::printf("\n");
   }
 }
