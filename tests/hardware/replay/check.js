@@ -78,9 +78,12 @@ async function main() {
     assert.strictEqual(await count(), 2);
     const phase = await page.locator(".phase").first().textContent();
     assert(phase.length > 0, "no phase");
+    // Of two runs the first one goes and comes; of more it is one that is not shown.
     await page.locator("#runs label").first().click();
-    assert.strictEqual(await count(), 3);
-    for (let i = 1; i < runs; ++i) await page.locator("#runs label").nth(i).click();
+    assert.strictEqual(await count(), runs > 2 ? 3 : 1);
+    if (runs === 2) await page.locator("#runs label").first().click();
+    assert.strictEqual(await count(), runs > 2 ? 3 : 2);
+    for (let i = 1; runs > 2 && i < runs; ++i) await page.locator("#runs label").nth(i).click();
     await look(page, 0.7);
   }
   assert.deepStrictEqual(errors, []);
