@@ -86,7 +86,7 @@ TEST(CooperativeMission, AgentsExplainThemselves) {
   for (const bool compensation : {false, true}) {
     std::array<std::unique_ptr<Explainer>, 2> why;
     int alarms = 0, by_the_agreement = 0, by_the_base = 0;
-    double worst = 0;
+    double worst = 0, held = 0;
     int cycle = 0;
     const Result r =
         run({.current = true, .compensation = compensation}, [&](double, const Agents& agents) {
@@ -99,6 +99,8 @@ TEST(CooperativeMission, AgentsExplainThemselves) {
               double sum = 0;
               for (const auto& share : t.shares) {
                 sum += share.amount;
+                if (share.cause == icat::LossCause::held)
+                  held = std::max(held, std::abs(share.amount));
                 by_the_base += share.cause == icat::LossCause::base;
                 by_the_agreement += share.task == "agreed velocity";
               }
@@ -109,6 +111,7 @@ TEST(CooperativeMission, AgentsExplainThemselves) {
     EXPECT_EQ(r.outcome, "done");
     EXPECT_EQ(alarms, 0);
     EXPECT_LT(worst, 1e-9);
+    EXPECT_LT(held, 1e-9);  // no answer is an old one
     EXPECT_GT(by_the_agreement, 0);
     EXPECT_EQ(by_the_base > 0, compensation);  // only then it is measured
   }
