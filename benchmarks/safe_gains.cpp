@@ -48,7 +48,7 @@ double largest_gain(double period, int late, bool predicted, double told) {
 
 int main() {
   std::puts(
-      "| period | delay | derived | measured | with `StatePredictor` | delay told 20 % short | "
+      "| period | delay | derived | measured | with `StatePredictor` | delay set 20 % short | "
       "20 % long |\n|---|---|---|---|---|---|---|");
   for (const double period : {0.001, 0.01, 0.05}) {
     for (const int late : {0, 1, 3, 10}) {

@@ -69,7 +69,7 @@ int main() {
   std::puts("|---|---|---|---|---|");
   row("R2, eight thrusters, four components",
       icat::ThrusterAllocation<double, 8>(icat::r2_thrusters<double>()), 200'000);
-  row("eight anywhere, six components in two groups", anywhere(8), 100'000);
-  row("twelve anywhere, six components", anywhere(12), 20'000);
-  row("sixteen anywhere, six components", anywhere(16), 4'000);
+  row("eight at random, six components in two groups", anywhere(8), 100'000);
+  row("twelve at random, six components", anywhere(12), 20'000);
+  row("sixteen at random, six components", anywhere(16), 4'000);
 }

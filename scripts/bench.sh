@@ -6,7 +6,7 @@ source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 need g++:g++ cmake:cmake ninja-build:ninja libeigen3-dev libbenchmark-dev libcli11-dev \
   gnuplot-nox:gnuplot valgrind:valgrind time:/usr/bin/time
 need_compiler
-say "Building for the processor at hand: the programs may not run on another"
+say "Building for this processor: the programs may not run on another"
 build bench
 
 out=$PWD/out/benchmarks
@@ -15,7 +15,7 @@ mkdir -p "$out"
 export ICAT_BENCHMARK_DIR=$out
 
 say "Running: tpik_benchmark"
-# Repetitions in random order share the machine's moods; the fastest of each counts.
+# Repetitions in random order spread disturbances over all cases; the fastest of each counts.
 build/bench/benchmarks/tpik_benchmark --benchmark_repetitions=20 --benchmark_min_time=0.02 \
   --benchmark_enable_random_interleaving=true \
   "--benchmark_out=$out/tpik_benchmark.json" --benchmark_out_format=json "$@" ||
@@ -47,13 +47,13 @@ awk '{ n[NR] = $1 } END {
   printf "| worst case of %d random hierarchies: instructions, maximum against median (%d) | ≤ 4 × | %.2f × | %s |\n", NR, m, r, r <= 4 ? "yes" : "**no**"
 }' "$out/worst_case.txt" >"$out/worst_case.md"
 
-say "Running: what a user's file costs to compile"
+say "Running: compile time of user programs"
 ./scripts/compile_cost.sh >"$out/compile_cost.md" || fail "compile_cost failed"
 
 {
   echo "# Benchmarks"
   echo
-  echo "Printed by \`./scripts/bench.sh\`; how it is done: [the solver](solver.md). Ratios are of one run. Y is Eigen's HouseholderQR of a 28 × 13 dynamic double matrix. H has 13 degrees of freedom and level rows 7, 1, 1, 1, 1, 6, 6, 7, 6 and the closing 13, dense and random. *Steady*: activations 0 or 1, active rows 1, 0, 1, 1, 0, 0, 6, 0, 6, 13. *One row at 0.4*: the same with the joint limit at 0.4; *transition*: and the manipulability at 0.6. *All partial*: every row between 0.05 and 0.95. *Onset*: steady, with the six other joint limits, the distance and the attitude at 1e-3. The robot of 38 DoF has levels of 38 (joint limits), 6, 6, 6, 3 and 38 rows (posture) and the closing 38."
+  echo "Printed by \`./scripts/bench.sh\`; [the solver](solver.md) explains the method. Ratios are taken within one run. Y is the time of Eigen's HouseholderQR of a 28 × 13 dynamic double matrix. H has 13 degrees of freedom and level rows 7, 1, 1, 1, 1, 6, 6, 7, 6 and the closing 13, dense and random. *Steady*: activations 0 or 1, active rows 1, 0, 1, 1, 0, 0, 6, 0, 6, 13. *One row at 0.4*: as steady, with the joint limit's activation at 0.4; *transition*: in addition the manipulability's at 0.6. *All partial*: every activation between 0.05 and 0.95. *Onset*: as steady, with the activations of the six other joint limits, the distance and the attitude at 1e-3. The robot of 38 DoF has levels of 38 (joint limits), 6, 6, 6, 3 and 38 rows (posture) and the closing 38."
   echo
   echo "$("$CXX" --version | head -n1), $(sed -n 's/^CMAKE_CXX_FLAGS_RELEASE:STRING=//p' build/bench/CMakeCache.txt), $(sed -n 's/^model name[[:space:]]*: //p' /proc/cpuinfo | head -n1); $(cat "$out/Y.md")"
   echo
@@ -61,7 +61,7 @@ say "Running: what a user's file costs to compile"
   echo "|---|---|---|---|"
   cat "$out/solver.md" "$out/mission.md" "$out/worst_case.md"
   echo
-  echo "What a user's file costs to compile, by \`./scripts/compile_cost.sh\`; \`./scripts/test.sh\` fails where a bound is exceeded by more than 15 %. User time, the fastest of three, with the same compiler:"
+  echo "Compile time of user programs, by \`./scripts/compile_cost.sh\`; \`./scripts/test.sh\` fails if a bound is exceeded by more than 15 %. User time, the fastest of three, with the same compiler:"
   echo
   cat "$out/compile_cost.md"
   echo

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# The campaigns of 46 grasps at full length: 300 attempts each, ablations included. Stopped and
-# started again it goes on where it was.
+# The campaigns of grasps at full length: 300 attempts each, ablations included. When started again
+# it continues where it was stopped.
 #   scripts/campaign.sh [attempts]               threads of one program
 #   scripts/campaign.sh [attempts] parallel [n]  n parts by GNU parallel
 #   scripts/campaign.sh [attempts] mpi [n]       n parts by Open MPI's mpirun
-# ICAT_CAMPAIGN names a program that is built already, ICAT_OUTPUT the folder.
+# ICAT_CAMPAIGN names a program that is already built, ICAT_OUTPUT the folder of the results.
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
 attempts=${1:-300} how=${2:-threads} parts=${3:-$(nproc)}
@@ -35,5 +35,5 @@ case $how in
       fail "a part failed"
     "$program" --merge --output "$output"
     ;;
-  *) fail "threads, parallel or mpi, got $how" ;;
+  *) fail "the second argument must be threads, parallel or mpi, got $how" ;;
 esac

@@ -32,7 +32,7 @@ need() {
 apt_install() {
   local as_root=() log=build/apt.log reason
   command -v apt-get >/dev/null ||
-    fail "missing: $*; there is no apt-get here to install them"
+    fail "missing: $*; install them, since this system has no apt-get"
   if ((EUID != 0)); then
     command -v sudo >/dev/null ||
       fail "missing: $*; installing them needs root or sudo"

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# What a user's file costs to compile, as multiples of an include of Eigen/Dense alone in the same
-# run: a Markdown table. With --check it fails where a bound is exceeded by more than 15 %, which is
+# Compile time of user programs, as multiples of an include of Eigen/Dense alone in the same run: a
+# Markdown table. With --check it fails where a bound is exceeded by more than 15 %, which is
 # how far the same file differs from machine to machine: a bare Tpik took 2.60 times the include on
 # one, 2.99 times on another, by the same compiler. User time of the fastest of three, with --check of
 # as many as it takes to stay below a bound, three at most; the bounds are for g++. What the examples' command line

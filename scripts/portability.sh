@@ -341,7 +341,7 @@ arm32() {
 other_builds="
 eigen5|eigen5|Eigen $eigen5 (PyPI), g++-12, \`-O2 -march=x86-64-v3\`: headers, examples, all tests of the solver
 no-exceptions|no_exceptions|\`-fno-exceptions -fno-rtti\`, g++-12 and clang++-19: the control step, and errors in the user's handler
-fast-math|fast_math|\`-ffast-math\`, \`-Ofast\`, \`-ffinite-math-only\`, g++-12 and clang++-19, \`-funsafe-math-optimizations\`, g++-12: refused with a sentence
+fast-math|fast_math|\`-ffast-math\`, \`-Ofast\`, \`-ffinite-math-only\`, g++-12 and clang++-19, \`-funsafe-math-optimizations\`, g++-12: refused with an error message
 foreign|foreign|programs beside KDL and Pinocchio: the table below
 arm64|arm64|ARM64 (aarch64-linux-gnu-g++ under qemu-aarch64): oracle test, messages, the grasp mission; NEON is used
 big-endian|big_endian|big endian (s390x-linux-gnu-g++ under qemu-s390x): messages written by a little-endian machine, and the whole cooperation test
@@ -382,27 +382,27 @@ page() {
   cat <<'MD'
 # Portability
 
-Printed by `./scripts/portability.sh`, which builds and runs all of it: each compiler, processor, optimization level and library once, not their product. `./scripts/portability.sh --list` names the builds, and `./scripts/portability.sh gcc12-v3 arm64` runs two of them. Each row names the revision that it was measured on (`+`: with changes that were not committed), and `--page` joins the last run of each build, so rows need not be of one run.
+This page says which compilers, processors, flags and libraries icat was built and run with, and which combinations crash. `./scripts/portability.sh` prints it: it builds and runs each compiler, processor, optimization level and library once, not all combinations. `./scripts/portability.sh --list` prints the names of the builds, and `./scripts/portability.sh gcc12-v3 arm64` runs two of them. Each row names the revision on which it was measured (`+`: with uncommitted changes); `--page` joins the last run of each build, so rows may come from different runs.
 
 ## What to know first
 
-**`-march=native` and foreign libraries.** Eigen aligns its memory for the widest packets of the processor that it is compiled for: 16 bytes without options, 32 with AVX, 64 with AVX-512. A library that somebody else compiled (Pinocchio or KDL from a package) has 16. A program that is compiled with `-march=native`, `-march=x86-64-v3` or `-mavx` disagrees with that library about where matrices lie and how their memory is freed, and crashes, usually at the first call that hands over a matrix. This is so with every library that has Eigen in its interface, with icat or without. icat adds no flags to a program. The [table below](#beside-foreign-libraries) shows what was tried. What works:
+**`-march=native` and foreign libraries.** Eigen aligns its memory for the widest packets of the processor that it is compiled for: 16 bytes without options, 32 with AVX, 64 with AVX-512. A library from a package (Pinocchio or KDL) uses 16. A program that is compiled with `-march=native`, `-march=x86-64-v3` or `-mavx` disagrees with that library about the alignment of matrices and about how their memory is freed, and crashes, usually at the first call that passes a matrix. This happens with every library that has Eigen in its interface, with icat or without. icat adds no flags to a program. The [table below](#beside-foreign-libraries) shows what was tried. What works:
 
-- Compile without `-march`, or up to `-march=x86-64-v2`. `-march=native -mno-avx` is the same with the instructions that need no wide registers.
-- Compile everything that has Eigen in its interface with the same flags, the foreign library, too (not tried here).
-- Put the control loop into a shared library of its own, compiled with `-march=native -fvisibility=hidden -fvisibility-inlines-hidden` and linked with `-Wl,-Bsymbolic`, and hand over plain pointers to numbers: `tests/user_project/foreign/solver.hpp` is an example.
+- Compile without `-march`, or up to `-march=x86-64-v2`. `-march=native -mno-avx` allows all instructions that need no wide registers.
+- Compile everything that has Eigen in its interface, including the foreign library, with the same flags (not tried here).
+- Put the control loop into a shared library of its own, compiled with `-march=native -fvisibility=hidden -fvisibility-inlines-hidden` and linked with `-Wl,-Bsymbolic`, and pass plain pointers to numbers: `tests/user_project/foreign/solver.hpp` is an example.
 
 `EIGEN_MAX_ALIGN_BYTES=16` and `EIGEN_MAX_STATIC_ALIGN_BYTES=16` do not help: memory from the heap is still aligned for wide packets. With `EIGEN_MALLOC_ALREADY_ALIGNED=1` on top the small programs run, but Eigen itself crashes in a product of 200 × 200.
 
-**`-ffast-math` is refused.** With `-ffast-math`, `-Ofast` or `-ffinite-math-only` the compiler drops every check for NaN and infinity. icat does not compile with them and says why; nor, with GCC, with `-funsafe-math-optimizations`, since bounds on rounding errors depend on the order of the sums. clang does not tell a program about that flag: leave it out.
+**`-ffast-math` is refused.** With `-ffast-math`, `-Ofast` or `-ffinite-math-only` the compiler drops every check for NaN and infinity. icat does not compile with them and says why; nor, with GCC, with `-funsafe-math-optimizations`, since bounds on rounding errors depend on the order of the sums. clang does not let a program detect that flag: do not use it.
 
-**`-fno-exceptions -fno-rtti` is fine.** The control step throws nothing. An error of configuration, which would throw, ends in the handler given to `icat::set_error_handler`, or in `std::abort`.
+**`-fno-exceptions -fno-rtti` is fine.** The control step throws nothing. An error of configuration, which would otherwise throw, calls the handler given to `icat::set_error_handler`, or else `std::abort`.
 
-**GCC before 13 with AVX-512 warns about itself.** With `-Wall`, `-O1` or more and AVX-512, GCC 11 and 12 find `'__Y'` uninitialized inside their own intrinsics, wherever Eigen sums up a packet (`Eigen::internal::predux`). icat as a system folder hides nothing of it, since the warning is in GCC's header. Add `-Wno-uninitialized -Wno-maybe-uninitialized` there, as the builds below do. No other warning is switched off in them.
+**GCC before 13 with AVX-512 warns about its own header.** With `-Wall`, `-O1` or more and AVX-512, GCC 11 and 12 report `'__Y'` as uninitialized inside their own intrinsics, wherever Eigen sums up a packet (`Eigen::internal::predux`). Including icat as a system folder does not suppress the warning, since it is in GCC's header. Add `-Wno-uninitialized -Wno-maybe-uninitialized` there, as the builds below do. No other warning is switched off in them.
 
 ## One rule for every build
 
-The oracle test compares the solver with the literal formula in `long double` on 2,080 random hierarchies. An error is at most 1e-9, or ten times what the literal formula itself loses in `double`. What it loses depends on the order of its sums, and thus on compiler and flags; the worst of eight orders of rows and columns counts, so that the rule does not hang on luck. The same rule holds in every build below. In the few hierarchies beyond 1e-9 the literal formula loses about as much: see the last columns.
+The oracle test compares the solver with the literal formula in `long double` on 2,080 random hierarchies. An error must be at most 1e-9, or ten times the error of the literal formula itself in `double`. That error depends on the order of its sums, and thus on compiler and flags; the worst of eight orders of rows and columns counts, so that the result does not depend on chance. The same rule holds in every build below. In the few hierarchies beyond 1e-9 the error of the literal formula is about as large: see the last columns.
 
 ## x86-64
 
@@ -435,13 +435,13 @@ MD
   done <<<"$other_builds"
   cat <<MD
 
-**NEON.** The solves of two hierarchies of the benchmarks' shape (13 degrees of freedom, one steady, one with all rows partial) need $(get arm64 neon_double) times as many instructions with \`EIGEN_DONT_VECTORIZE\` as without in \`double\`, $(get arm64 neon_float) times in \`float\`. A NEON register holds two doubles or four floats. Functions of icat hold $(get arm64 fmla_vector) fused multiply-adds on whole NEON registers, without vectorization $(get arm64 fmla_scalar). The instructions are counted as lines of the trace of \`qemu-aarch64 -singlestep -d nochain,exec\`: a run with twelve solves minus a run with two. They are instructions, not time: measure that on the board.
+**NEON.** The solves of two hierarchies of the benchmarks' shape (13 degrees of freedom, one steady, one with all rows partial) need $(get arm64 neon_double) times as many instructions with \`EIGEN_DONT_VECTORIZE\` as without in \`double\`, $(get arm64 neon_float) times in \`float\`. A NEON register holds two doubles or four floats. Functions of icat contain $(get arm64 fmla_vector) fused multiply-adds on whole NEON registers, without vectorization $(get arm64 fmla_scalar). The instructions are counted as lines of the trace of \`qemu-aarch64 -singlestep -d nochain,exec\`: a run with twelve solves minus a run with two. They are instructions, not time: measure that on the board.
 
-**32-bit ARM.** \`long double\` is \`double\` there, so the literal formula in \`double\` judges the solver in \`float\`; the solver in \`double\` has its own tests.
+**32-bit ARM.** There \`long double\` is the same as \`double\`, so the solver in \`float\` is compared with the literal formula in \`double\`; the solver in \`double\` has its own tests.
 
 ## Beside foreign libraries
 
-A program with g++-12 that takes Jacobians from the library, velocities from icat and gives positions back; KDL is from apt, Pinocchio 4.1 from PyPI. *Eigen alone* multiplies matrices of up to 400 × 400 and shows whether the flags are sound at all.
+The program, compiled with g++-12, takes Jacobians from the library and velocities from icat, and passes positions back to the library; KDL is from apt, Pinocchio 4.1 from PyPI. *Eigen alone* multiplies matrices of up to 400 × 400 without a foreign library.
 
 | flags of the program | Eigen alone | KDL | Pinocchio |
 |---|---|---|---|

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# What must pass, but for test_hardware.sh: the tests in Release, the tests with sanitizers, the
-# documentation, the demo as the README says it, what a user's file costs to compile, and that all this
+# All checks before a merge except test_hardware.sh: the tests in Release, the tests with sanitizers,
+# the documentation, the demo as in the README, the compile time of user programs, and that all this
 # takes no longer than 25 minutes from a fresh clone on two cores.
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
@@ -26,16 +26,16 @@ build docs
 clone="$PWD/build/a fresh clone"
 rm -rf "$clone"
 git clone -q . "$clone"
-[[ -z $(git status --porcelain) ]] || say "What is not committed is not in the demo"
+[[ -z $(git status --porcelain) ]] || say "The demo is run without the uncommitted changes"
 start=$SECONDS
 say "Demo, in a fresh clone"
 CCACHE_DISABLE=1 "$clone/scripts/demo.sh" || fail "the demo fails"
 demo=$((SECONDS - start))
 rm -rf "$clone"
 say "The demo took $demo s"
-((demo < 60 || $(nproc) < 2)) || fail "the demo took $demo s; a newcomer is promised a minute"
+((demo < 60 || $(nproc) < 2)) || fail "the demo took $demo s; its limit is 60 s"
 
-say "What a user's file costs to compile"
+say "Compile time of user programs"
 ./scripts/compile_cost.sh --check
 
 say "All tests pass, in $((SECONDS / 60)) min $((SECONDS % 60)) s"

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Every adapter of hardware against its peer, and every decoder against libFuzzer: at most 30 minutes
-# from a fresh clone on two cores. ICAT_LOOP_SECONDS and ICAT_FUZZ_SECONDS make it longer.
+# Tests every hardware adapter against its peer and fuzzes every decoder: at most 30 minutes from a
+# fresh clone on two cores. ICAT_LOOP_SECONDS and ICAT_FUZZ_SECONDS set longer runs.
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
 # The packages of tests/hardware/package.json go to build/node.

@@ -21,18 +21,18 @@ using State = icat::RobotState<Robot>;
 using Velocity = icat::Vector<double, Eigen::Dynamic>;
 
 //! [own]
-// Two drives that hear a velocity and say where they are, on a link of your own.
+// Two drives on a link of your own: they take velocities and report positions.
 class TwoDrives {
  public:
-  // What has come until `time`. Nothing waits, allocates or throws.
+  // Takes the messages until `time`. Nothing blocks, allocates or throws.
   icat::Status read(double time, icat::RobotState<Robot>& state) noexcept {
-    for (int i = 0; i < 100; ++i) {  // a flood must not hold the cycle up
+    for (int i = 0; i < 100; ++i) {  // bounded: many messages must not delay the cycle
       const auto feedback = receive();
       if (!feedback) break;
       heard_.put(*feedback, time);
     }
     state.q = heard_.value;
-    state.time = heard_.time;  // as old as it is: the controller stops on what is older than `hold`
+    state.time = heard_.time;  // the controller stops if it is older than `hold`
     return icat::Status::ok;
   }
   icat::Status write(double, const Velocity& command) noexcept {

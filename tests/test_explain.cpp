@@ -737,9 +737,9 @@ TEST(ExplainDocs, ThePageShowsWhatIsPrinted) {
   icat::Controller<Robot> loop(robot, {{"fold", {{limits}, {shape}}}});
   std::string blame;
   //! [loop]
-  icat::Explainer<icat::Controller<Robot>> why(loop);  // memory for all that follows
+  icat::Explainer<icat::Controller<Robot>> why(loop);  // reserves its memory
   ASSERT_EQ(loop.start("fold", 0), Status::ok);
-  ASSERT_EQ(loop.set_given("joint4", true), Status::ok);  // its motor died
+  ASSERT_EQ(loop.set_given("joint4", true), Status::ok);  // its motor failed
   ASSERT_EQ(loop.step(0), Status::ok);
   why.update();  // no allocation, no exception
   for (const auto& t : why.tasks()) {

@@ -271,7 +271,7 @@ Outcome run(double dt, const std::vector<Word>& script) {
       const Pose grasp_in_vehicle = vehicle.inverse() * down;
       const Vector3 end_in_camera = camera.inverse() * end_of_pipe;
       //! [picture]
-      Status seen = diver.grasp.see_grasp(grasp_in_vehicle, vehicle);  // where it was then
+      Status seen = diver.grasp.see_grasp(grasp_in_vehicle, vehicle);  // at the time of the image
       if (seen == Status::ok) seen = diver.grasp.see_object(end_in_camera, vehicle);
       //! [picture]
       EXPECT_EQ(seen, Status::ok);
@@ -283,7 +283,7 @@ Outcome run(double dt, const std::vector<Word>& script) {
     //! [cycle]
     Status status = mission.step(t);
     if (status == Status::ok) status = mission.drive(controller, t);
-    const Status control = controller.step(t, plant.velocity());  // also where the time is bad
+    const Status control = controller.step(t, plant.velocity());  // also after an error
     //! [cycle]
     EXPECT_EQ(status, Status::ok);
     EXPECT_EQ(control, Status::ok);

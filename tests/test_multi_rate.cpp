@@ -251,8 +251,8 @@ TEST(MultiRate, EachPartAtItsOwnRate) {
                                   {.gain = 0.5, .max_rate = 0.1});
   //! [rates]
   icat::ParallelController controller(robot, {{"reach", {{tool}}}});
-  icat::BaseState<double> base;                                      // what the navigation says
-  icat::HeldReference<double, 6> vehicle_reference({.hold = 0.15});  // where it is followed
+  icat::BaseState<double> base;                                      // the newest estimate
+  icat::HeldReference<double, 6> vehicle_reference({.hold = 0.15});  // in the vehicle's loop
   icat::HeldReference<double, 7> joint_reference;
   //! [rates]
   ASSERT_EQ(controller.switch_to("reach", 0, 1), Status::ok);
@@ -265,16 +265,16 @@ TEST(MultiRate, EachPartAtItsOwnRate) {
     const icat::InputAge age{.velocity = base.age(t), .pose = base.age(t)};
     if (k % 50 == 0) {  // 20 Hz
       vehicle = robot.update(plant.q(), base.pose(t));
-      if (vehicle == Status::ok) {  // where input is late the command goes to zero
+      if (vehicle == Status::ok) {  // with late input the command goes to zero
         vehicle = controller.step_base(t, base.velocity(), age);
         (void)vehicle_reference.set(controller.command().tail<6>());
       }
     }
-    if (k % 10 == 0) {  // 100 Hz: what the vehicle does not do, the joints make up for
+    if (k % 10 == 0) {  // 100 Hz: the joints compensate the vehicle's error
       joints = robot.update(plant.q(), base.pose(t));
       if (joints == Status::ok) joints = controller.step_joint_law(t, age);
     }
-    // The law knows how old its pose is.
+    // The law stores the age of its pose.
     const Status law = controller.follow_joint_law(t, base.velocity(), {.velocity = age.velocity});
     (void)joint_reference.set(controller.command().head<7>());
     (void)vehicle_reference.update(t);  // 1 kHz, in the loops that follow them: value()

@@ -295,7 +295,7 @@ Outcome swim(std::uint64_t seed, double bias, double latency, double drag) {
 
   //! [navigation]
   icat::Navigation<double>::Options options;
-  options.velocity.dvl = dvl_options.geometry;  // where it sits, how its beams open
+  options.velocity.dvl = dvl_options.geometry;  // position and beam angle
   options.attitude.heading_noise = 0.02;        // rad; the next section says how to choose
   options.position.initial_position = 0.1;      // m
   icat::Navigation<double> navigation(vehicle, at(0, 0, 6.6).pose, options);
@@ -329,7 +329,7 @@ Outcome swim(std::uint64_t seed, double bias, double latency, double drag) {
     const auto inertial = ahrs.measure(now, truth);
     if (inertial) gyro = inertial->value.gyro;
     EXPECT_EQ(navigation.step(now, gyro, wrench), Status::ok);
-    // Each as it comes, with its age. An answer other than ok was refused, and is counted.
+    // Each measurement when it arrives, with its age. Refused ones are counted.
     if (inertial) {
       (void)navigation.correct_attitude(inertial->value.attitude, now - inertial->time);
     }

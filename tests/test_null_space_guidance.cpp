@@ -280,7 +280,7 @@ TEST(NullSpaceGuidanceOnce, InThreeLines) {
   guidance.reset();
   icat::Status status = guidance.add_task(J1, rate1);  // the highest priority first
   if (status == icat::Status::ok) status = guidance.add_task(J2, rate2);
-  const icat::Vector<double, 3> velocity = guidance.velocity();  // finite, whatever came in
+  const icat::Vector<double, 3> velocity = guidance.velocity();  // always finite
   //! [solver]
   EXPECT_EQ(status, icat::Status::ok);
   EXPECT_LT((velocity - Eigen::Vector3d(1, 2, 0)).norm(), 1e-12);

@@ -294,8 +294,8 @@ TEST(Chain, FromPicturesToTheGoalOfTheTool) {
   icat::ArmMask arm(robot, robot.frame("camera"), cameras, std::span(boxes));
   icat::StereoPipe<double> eyes(cameras, mount);        // in simulation; else lines from images
   const icat::CylinderPose<double> estimator(cameras);  // lines to a pipe
-  icat::FrameTracker<double> tracker(mount);            // picture after picture
-  icat::PoseHistory<double> history;                    // pictures come late
+  icat::FrameTracker<double> tracker(mount);            // from image to image
+  icat::PoseHistory<double> history;                    // images arrive late
   const Pose grasp = make_pose<double>(0, 0.1, -0.05, 0, 0.5, 0);  // ⟨g⟩ on the pipe
   //! [chain]
   const int steps = sanitized ? 1300 : 3000;
@@ -310,13 +310,13 @@ TEST(Chain, FromPicturesToTheGoalOfTheTool) {
     const bool light = now < 10 || now > 11;
     const Pose there = light ? pipe : make_pose<double>(0, 0, -50, 0, 0, 0);
     //! [loop]
-    const Pose vehicle = vehicle_at(now);  // as the navigation says
+    const Pose vehicle = vehicle_at(now);  // from the navigation
     ASSERT_EQ(arm.update(), Status::ok);
     ASSERT_EQ(history.record(now, vehicle), Status::ok);
     ASSERT_EQ(tracker.predict(vehicle), Status::ok);
     const auto view = eyes.observe(now, vehicle, there, arm.outline());
     if (view) {
-      Pose then;  // of the vehicle, when the picture was taken
+      Pose then;  // of the vehicle, at the time of the image
       ASSERT_EQ(history.at(view->time, then), Status::ok);
       const Vector3 gravity = icat::gravity_in_camera(then, mount);
       icat::CylinderMeasurement<double> seen;

@@ -392,7 +392,7 @@ TEST(ThrusterAllocation, AFailedThrusterIsOneCall) {
   icat::Status status = thrusters.allocate(wrench);  // in each cycle
   icat::Vector<double, 8> thrust = thrusters.thrust();
   double force_scale = thrusters.scale(1);              // of surge and sway
-  icat::Vector6<double> pushed = thrusters.achieved();  // for the anti-windup of the loop before
+  icat::Vector6<double> pushed = thrusters.achieved();  // for the anti-windup of the velocity loop
 
   status = thrusters.fail(2);  // back left: the others take over at once
   //! [thrusters]

@@ -72,7 +72,7 @@ TEST(Tutorial, JacobiansOfYourOwn) {
   icat::Status status = tpik.add_level(J1, activation1, rate1);  // the highest priority first
   if (status == icat::Status::ok) status = tpik.add_level(J2, activation2, rate2);
   const icat::Status closing = tpik.minimize_velocity();      // always, last
-  const icat::Vector<double, 13> velocity = tpik.velocity();  // finite, whatever came in
+  const icat::Vector<double, 13> velocity = tpik.velocity();  // always finite
   //! [solver]
   EXPECT_EQ(status, icat::Status::ok);
   EXPECT_EQ(closing, icat::Status::ok);
@@ -200,8 +200,8 @@ TEST(Tutorial, ALoopWithDelayWithinLimits) {
   const std::vector<icat::Action<decltype(robot)>> actions{{"reach", {{joints}, {reach}}}};
   //! [limits]
   const icat::MotionLimits limits(robot, {.reaction_time = 0.04, .max_acceleration = 2});
-  icat::Controller controller(robot, actions, {.limits = limits});  // reaction: period and delay
-  icat::StatePredictor predictor(robot, {.delay = 0.03});           // s: age of what arrives
+  icat::Controller controller(robot, actions, {.limits = limits});  // reaction time: period + delay
+  icat::StatePredictor predictor(robot, {.delay = 0.03});           // s: age of the positions
   //! [limits]
   icat::Vector<double, 7> q = shape(), last = icat::Vector<double, 7>::Zero();
   std::vector<icat::Vector<double, 7>> arriving(3, q);  // 30 ms under way

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // icat on the problems of problems.py: the controller as a user has it, and the solver alone.
 // Arguments: the folder of the problems, what to call this build.
+#include <algorithm>
 #include <icat/adapters/urdf.hpp>
 #include <icat/icat.hpp>
 #include <memory>
@@ -138,19 +139,33 @@ void measure_alone(const std::string& name, Icat& peer, const peers::Problem& p)
       return icat::Tpik<double, N>();
     }
   }();
-  peers::Times times;
-  const double end = peers::now() + 1e6 * peers::seconds;
-  for (std::size_t k = 0; k < peers::states || peers::now() < end; ++k) {
-    const Levels& levels = recorded[k % peers::states];
-    const double start = peers::now();
-    tpik.reset();
-    for (const auto& level : levels) {
-      expect(tpik.add_level(level.jacobian, level.activation, level.reference, level.scales()));
+  const std::string part = N == Eigen::Dynamic ? "alone" : "alone, fixed size";
+  const auto measure = [&](const std::string& what) {
+    peers::Times times;
+    std::size_t regularized = 0;
+    const double end = peers::now() + 1e6 * peers::seconds;
+    for (std::size_t k = 0; k < peers::states || peers::now() < end; ++k) {
+      const Levels& levels = recorded[k % peers::states];
+      const double start = peers::now();
+      tpik.reset();
+      for (const auto& level : levels) {
+        expect(tpik.add_level(level.jacobian, level.activation, level.reference, level.scales()));
+      }
+      expect(tpik.minimize_velocity());
+      if (k >= 100) times.values.push_back(peers::now() - start);
+      const auto reports = tpik.report().levels();
+      regularized += k < peers::states && std::any_of(reports.begin(), reports.end(),
+                                                      [](const auto& l) { return l.regularized; });
     }
-    expect(tpik.minimize_velocity());
-    if (k >= 100) times.values.push_back(peers::now() - start);
-  }
-  times.say(name, p, N == Eigen::Dynamic ? "alone" : "alone, fixed size");
+    times.say(name, p, what.c_str());
+    std::printf("regularized\t%s\t%s\t%s\t%zu\n", name.c_str(), p.robot.c_str(), p.variant.c_str(),
+                regularized);
+  };
+  measure(part);
+  if (p.variant != "limit") return;
+  for (Levels& levels : recorded)
+    levels.front().activation.setZero();  // what the place alone costs
+  measure(part + ", no limits");
 }
 
 }  // namespace

@@ -179,9 +179,9 @@ int main(int, char** argv) {
   const std::string folder = argv[1], tree = "KDL, tree", chain = "KDL, chain";
   std::printf("version\t%s\t%s\nversion\t%s\t%s\n", tree.c_str(), argv[2], chain.c_str(), argv[2]);
   std::printf(
-      "note\t%s\tframes alone, by damped least squares; the step is scaled to the limits of "
-      "velocity and cut at those of position. No posture, no centre of mass. *Solve* holds its "
-      "model, too.\n",
+      "note\t%s\tonly frames, by damped least squares; the step is scaled to the velocity limits "
+      "and cut at the position limits. No posture, no centre of mass. *Solve* includes its "
+      "model.\n",
       tree.c_str());
   std::printf(
       "note\t%s\tone frame by the pseudo-inverse, the posture in its null space. No limits.\n",

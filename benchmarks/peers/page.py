@@ -7,14 +7,15 @@ from problems import DT, MARGIN, NEAR, STATES, problem
 ROBOTS = {"panda": "Panda, 7 columns", "tiago": "TIAGo, 13 columns", "talos": "TALOS, 38 columns"}
 TASKS = {
     "panda": "joint limits; the hand's pose; posture.",
-    "tiago": "joint limits; the tool's pose; posture. The base goes anywhere (three joints: x, y, yaw), "
+    "tiago": "joint limits; the tool's pose; posture. The base moves freely in the plane (three joints: x, y, yaw), "
     "because not every peer knows a differential drive.",
     "talos": "joint limits; the poses of both feet and of the right hand; the centre of mass; "
     "posture. The base is free.",
 }
 FEWER = ("KDL, tree", "KDL, chain")  # that lack some of the tasks
 
-times, counts, errors, answers, versions, notes, missing = {}, {}, {}, {}, {}, {}, {}
+times, counts, errors, answers, regularized = {}, {}, {}, {}, {}
+versions, notes, missing = {}, {}, {}
 for line in open(sys.argv[1]):
     kind, name, *fields = line.rstrip("\n").split("\t")
     if kind == "time":
@@ -26,6 +27,8 @@ for line in open(sys.argv[1]):
         counts[name, fields[0], fields[1]] = float(fields[2])
     elif kind == "error":
         errors[name, fields[0], fields[1]] = float(fields[2])
+    elif kind == "regularized":
+        regularized[name, fields[0], fields[1]] = int(fields[2])
     elif kind == "answer":
         answers[name, fields[0]] = fields[1:]
     else:
@@ -65,19 +68,19 @@ def verdict(ratio, bound):
 
 print(f"""# Beside the peers
 
-Printed by `./benchmarks/peers/run.sh`: icat, KDL, placo, pink, mink and tsid on the same problems, in one run on one machine. It takes robots from example-robot-data and peers from package registries, each Python one into an environment of its own.
+This page compares icat with KDL, placo, pink, mink and tsid on the same problems, in one run on one machine. `./benchmarks/peers/run.sh` prints it; the robots come from example-robot-data and the peers from package registries, each Python peer in an environment of its own.
 
-{sys.argv[3]}. C++ programs are compiled with -O3, without -march=native but for the row *icat, native*. Peers of Python run from Python, with the solver that their own pages show. Times are in µs, p50 unless p99 is said; of three rounds the fastest counts.
+{sys.argv[3]}. C++ programs are compiled with -O3, without -march=native except for the row *icat, native*. Python peers run from Python, with the solver that their own documentation uses. Times are in µs, p50 unless p99 is stated; the fastest of three rounds counts.
 
 ## The problems
 
-A motion of {STATES} states is given, and in each cycle the goals are where frames, centre of mass and joints are {1000 * DT:.0f} ms later. So all goals can be met, gains are 1/({1000 * DT:.0f} ms), and the answer is known: the velocity that leads to the next state. *Off by* is the median over the cycles of the largest difference of a joint's velocity (rad/s). *Limit*: one joint is kept {1000 * NEAR[0] * MARGIN:.0f} to {1000 * NEAR[1] * MARGIN:.0f} mrad before its upper limit. There icat's task of joint limits is in transition (one row with an activation between 0 and 1) and pushes, so that its answer differs; the peers have a constraint, which is not reached. Every program loads the same URDF, without meshes, with fingers and wheels fixed.
+A motion of {STATES} states is given, and in each cycle the goals are where frames, centre of mass and joints are {1000 * DT:.0f} ms later. So all goals can be met, gains are 1/({1000 * DT:.0f} ms), and the answer is known: the velocity that leads to the next state. *Off by* is the median over the cycles of the largest difference of a joint's velocity (rad/s). *Limit*: one joint is kept {1000 * NEAR[0] * MARGIN:.0f} to {1000 * NEAR[1] * MARGIN:.0f} mrad before its upper limit. There icat's task of joint limits is in transition (one row with an activation between 0 and 1) and moves the joint away from the limit, so its velocity differs; the peers have a constraint, which is not reached. Every program loads the same URDF, without meshes, with fingers and wheels fixed.
 
-*Target* sets the goals, *model* updates the model to the state, *solve* does the rest: in icat, placo, pink and mink tasks and their Jacobians, too. *Malloc* is heap allocations in a cycle; small objects of Python come from Python's own memory and are not counted.
+*Target* sets the goals, *model* updates the model to the state, *solve* does the rest: in icat, placo, pink and mink tasks and their Jacobians, too. *Malloc* is the number of heap allocations in a cycle; small Python objects come from Python's own allocator and are not counted.
 
 ## Targets
 
-On the Panda icat is not to be slower than the fastest peer, on the larger robots it is to need at most half of its time. It is the total that counts, p50. A peer that lacks some of the tasks is compared apart. *Target* is a few calls of Python in placo, so the comparison is shown without it, too.
+On the Panda icat should not be slower than the fastest peer, on the larger robots it should need at most half of its time. The p50 of the total counts. Peers that lack some of the tasks are compared separately. In placo *target* is a few Python calls, so the comparison is also shown without *target*.
 """)
 
 rows = []
@@ -95,6 +98,10 @@ for robot, title in ROBOTS.items():
         rows.append(row)
 table(["robot", "limit", "icat", "bound", "fastest peer with all tasks", "met",
        "met without *target*", "with fewer", "met"], rows)
+
+count = regularized["icat", "panda", "limit"]
+with_limit, without = (cell("icat", "panda", "limit", part) for part in ("alone", "alone, no limits"))
+print(f"Near the limit of the Panda's fourth joint the elbow is almost straight, so that the pose of the hand is near a singularity: icat regularizes a level in {count} of the {STATES} states (with no limit near: in {regularized['icat', 'panda', 'clear']}). It is this that takes time: the solver alone needs {with_limit} µs in these states, and {without} µs in the same states with the task of joint limits switched off.\n")
 
 for robot, title in ROBOTS.items():
     print(f"## {title}\n\nTasks: {TASKS[robot]}\n")
@@ -115,7 +122,7 @@ for robot, title in ROBOTS.items():
 
 print("""## The solver alone
 
-The numerical solver on what tasks and model have prepared: `Tpik` on the levels of the controller, the QP of pink and mink through qpsolvers, that of tsid. The others do not show theirs.
+Times of the numerical solver on prepared input: `Tpik` on the levels of the controller, the QP of pink and mink through qpsolvers, the QP of tsid. The other peers do not expose their solver.
 """)
 rows = []
 for name in names:
@@ -129,9 +136,9 @@ table(["", *(f"{title.split(',')[0]}{tail}" for title in ROBOTS.values() for tai
       rows)
 
 speeds = sorted(set(problem("panda", "clear", sys.argv[2]).speed))
-print(f"""## Awkward questions
+print(f"""## Goals and starts that cannot be met
 
-On the Panda, with gains as above, in a loop of 10 s that integrates the answers. Its joints have limits of velocity of {" and ".join(map(str, speeds))} rad/s. Speed and change (of a joint's velocity from one cycle to the next) are the largest of the last second.
+On the Panda, with gains as above, in a loop of 10 s that integrates the commanded velocities. Its joints have velocity limits of {" and ".join(map(str, speeds))} rad/s. Speed and change (of a joint's velocity from one cycle to the next) are the largest in the last second.
 """)
 
 
@@ -143,7 +150,7 @@ def ask(what, title, header, formats):
         if name == "icat, native":
             continue
         if answer is None:
-            rows.append([name, "cannot be asked"] + [""] * (len(formats) - 1))
+            rows.append([name, "not supported"] + [""] * (len(formats) - 1))
         elif answer[0] == "raises":
             rows.append([name, f"raises {answer[1]}"] + [""] * (len(formats) - 1))
         else:
@@ -163,17 +170,17 @@ def past(x):
     return "no" if x < 1e-6 else f"by {x:.2g} rad" if x < 10 else "yes"
 
 
-ask("out of reach", "The goal is 1 m ahead of the hand, out of the workspace.",
+ask("out of reach", "The goal is 1 m in front of the hand, outside the workspace.",
     ["hand off its goal by", "speed", "change", "past a limit"], [mm, speed, speed, past])
 ask("outside limits", "The fourth joint starts 0.05 rad beyond its upper limit.",
-    ["its velocity at first", "inside after", "fastest joint"],
+    ["its first velocity", "within limits after", "fastest joint"],
     [speed, lambda t: f"{t:.2f} s", speed])
-ask("conflict", "Two frames of one body are to come apart by 0.2 m; icat has the hand first.",
+ask("conflict", "Two frames of one rigid body have goals that contradict each other by 0.2 m; in icat the hand has the higher priority.",
     ["hand off by", "other frame off by", "speed", "change", "past a limit"],
     [mm, mm, speed, speed, past])
 
-print("## What each solves\n")
+print("## What each library solves\n")
 table(["", "version", "what it does"], [[name, versions[name], notes[name]] for name in names if name in notes])
 for name, reason in missing.items():
-    print(f"{name} could not be had here: {reason}\n")
-print("""OpenSoT is neither on PyPI nor in Debian, and is not here. tsid 1.10.0, the newest, crashes with Pinocchio 4.0 and 4.1 of PyPI when it makes its robot, so an older pair runs. placo, pink, mink and tsid weigh tasks against each other, icat puts one strictly before the other: where all can be met, they agree; where not, see above. placo and tsid are C++ behind a few calls of Python; pink and mink are Python, and that is most of their time.""")
+    print(f"{name} could not be installed: {reason}\n")
+print("""OpenSoT is neither on PyPI nor in Debian, and is not included. tsid 1.10.0, the newest, crashes with Pinocchio 4.0 and 4.1 of PyPI when it constructs its robot, so an older pair is used. placo, pink, mink and tsid weigh tasks against each other, icat gives them strict priorities: if all tasks can be met, the results agree; otherwise see the last tables. placo and tsid are C++ libraries called from Python; pink and mink are written in Python, which takes most of their time.""")

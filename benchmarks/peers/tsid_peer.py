@@ -116,5 +116,5 @@ problems.main(
     "tsid", Peer, f"{version('tsid')}, pin {version('pin')}, eiquadprog {version('eiquadprog')}",
     f"another problem: accelerations and contact forces under the equation of motion, weighted, under "
     f"hard limits of position and velocity (QP). The feet of TALOS are contacts with friction cones. "
-    f"*Model* holds its tasks, too. Gains are {KP:.0f} 1/s² and critical damping, and goals are at "
-    f"rest, so its answer is another.")
+    f"*Model* includes its tasks. Gains are {KP:.0f} 1/s² with critical damping, and goals are at "
+    f"rest, so its answer differs.")

@@ -117,7 +117,7 @@ void print(const NamedVariant& v, const grasp::Result& r, double seconds) {
   }
   std::printf("  tool error after lifting %.1f m        %8.3f mm  %7.4f deg\n", grasp::lift_height,
               r.lift_position_error * 1e3, r.lift_orientation_error / degree);
-  std::printf("  inequality objectives left again     ");
+  std::printf(" inequality objectives violated later ");
   if (r.violations.empty()) std::printf("    none");
   for (const auto& name : r.violations) std::printf(" [%s]", name.c_str());
   std::printf("\n  largest change of command in a cycle %8.4f\n", r.largest_step);

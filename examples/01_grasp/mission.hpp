@@ -28,7 +28,7 @@ using Objective = icat::Objective<double>;
 struct Variant {
   bool underactuated = false;  ///< roll and pitch are not actuated
   bool current = false;        ///< a sinusoidal current along x of the world
-  bool compensation = false;   ///< two parallel TPIKs: the arm makes up for the vehicle
+  bool compensation = false;   ///< two parallel TPIKs: the arm compensates the vehicle's error
   double time_limit = 40;      ///< s, of a phase
 };
 
@@ -82,7 +82,7 @@ struct Result {
   double lift_position_error = 0, lift_orientation_error = 0;
   double largest_step = 0;              ///< max ‖Δẏ‖ between two cycles, from standstill on
   double steady_error = 0;              ///< max tool position error, last 10 s of the grasp
-  std::vector<std::string> violations;  ///< inequality objectives left after being entered
+  std::vector<std::string> violations;  ///< inequality objectives violated after they had been met
   icat::Status status = icat::Status::ok;  ///< of the last cycle
 };
 
@@ -201,7 +201,8 @@ Result run(const Variant& variant, double dt, BackEnd& back_end, Observe observe
     }
   }
 
-  // Objectives that must hold once they do, and in which actions they are active.
+  // Objectives that must hold after they have been met once, and the actions in which they are
+  // active.
   struct Watch {
     const char* name;
     std::string_view only_in;  // empty: always

@@ -197,7 +197,7 @@ void print_figures(const NamedVariant& v, const cooperation::Result& r, double s
   std::printf("| drift of the relative tool pose, at most | %.3f mm, %.4f deg |\n", r.drift * 1e3,
               r.drift_angle / degree);
   if (!v.variant.centralized) {
-    std::printf("| object velocity off the agreed one, RMS | %.1e |\n", r.object_speed_error);
+    std::printf("| error of the object velocity, RMS | %.1e |\n", r.object_speed_error);
   }
   std::printf("| joint limit margin, at least | %.3f rad |\n", r.joint_margin);
   std::printf("| vehicle distance, at least (limit %.1f) | %.3f m |\n",

@@ -29,7 +29,7 @@ using Objective = icat::Objective<double>;
 
 struct Variant {
   bool current = false;       ///< a sinusoidal current along x of the world, on both vehicles
-  bool compensation = false;  ///< the arms make up for what the vehicles do not track
+  bool compensation = false;  ///< the arms compensate the vehicles' errors
   bool centralized = false;   ///< one solver for both robots, instead of two that exchange 192 bits
   icat::FusionPolicy<double> policy = icat::fusion::mean<double>();  ///< the paper's
   bool spans = false;                                                ///< exchanged too
@@ -145,13 +145,13 @@ class Side {
             {"part", {limits, distance, dexterity, level, {tool_deploy}, {still_vehicle}}},
             {"step back", {limits, distance, dexterity, level, {tool_away}, {still_vehicle}}}};
   }
-  /// Those in which the tool's velocity is agreed on.
+  /// Actions with an agreed tool velocity.
   std::vector<icat::SharedAction<Robot>> shared() {
     return {{"join", tool_grasp}, {"transport", tool_transport}, {"deploy", tool_deploy}};
   }
   //! [actions]
 
-  /// ⟨t⟩ becomes the frame of the object, wherever it is in the gripper.
+  /// ⟨t⟩ becomes the frame of the object, at its actual pose in the gripper.
   icat::Status take(const Pose& object) {
     const icat::Status status = tool_grasp.set_goal(object);
     return status == icat::Status::ok
@@ -293,7 +293,7 @@ inline Result run(const Variant& variant,
   };
   Sample s;  // of the present cycle
 
-  // A phase ends when both robots are there, or after a while.
+  // A phase ends when both robots have reached its goal, or after a time limit.
   const double steady = variant.current ? (variant.compensation ? 6 : 100) : 1;
   const auto at = [&](const Pose& p, const Pose& q) {
     const auto d = support::distance(p, q);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Runs the dual-arm vehicle of [NSB], prints null-space-based guidance and iCAT side by side,
+// Simulates the dual-arm vehicle of [NSB], prints results of null-space-based guidance and of iCAT,
 // writes CSV and, where gnuplot is found, pictures.
 #include <cstdio>
 #include <filesystem>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
 /// Two ways to guide the dual-arm vehicle along a line with the same tasks, gains and velocity
-/// bounds, and the simulation of [NSB, V]: what is calculated is taken as tracked perfectly.
+/// bounds, and the simulation of [NSB, V]: the computed velocities are tracked perfectly.
 #pragma once
 
 #include <random>
@@ -89,7 +89,7 @@ struct Result {
 /// Runs the scenario with a period of `dt`: `guide(t, ẏ)` updates the tasks and yields ẏ.
 ///
 /// On the line NSB leaves an error in the lower tasks that is proportional to the speed:
-/// J₁₂ J₁₁⁺ σ̇₁₁ is not zero, and Λe₁₂ alone has to make up for it.
+/// J₁₂ J₁₁⁺ σ̇₁₁ is not zero, and only Λe₁₂ compensates it.
 template <class Guide>
 Result simulate(const Scenario& scenario, Robot& robot, Tasks& tasks, double dt, Guide guide) {
   Result result;

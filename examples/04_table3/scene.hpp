@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The rows of [Coop, Table III], what the paper prints for them, and one set of gains, filters and
-// limits for all of them.
+// The rows of [Coop, Table III] with the paper's numbers, and one set of gains, filters and limits
+// for all rows.
 #pragma once
 
 #include <array>
@@ -106,8 +106,8 @@ struct Parameters {
   double hold = 4;                 ///< s, how long an agreement is held
   double fade = 0.1;               ///< s, into the first agreement
   bool latest = true;              ///< half duplex: see icat::AgreementOptions
-  /// After the grasp, rad. Arm a is folded; arm b is stretched so far that its manipulability has
-  /// to be looked after.
+  /// After the grasp, rad. Arm a is folded; arm b is stretched so far that its manipulability task
+  /// is active.
   std::array<std::array<double, 7>, 2> start{
       {{0, 1.4, 0, -2.4, 0, 1.0, 0}, {0, 0.5, 0, -1.2, 0, 0.7, 0}}};
 };

@@ -44,10 +44,11 @@ inline icat::HydrodynamicPlant<double, 7> plant_of(std::size_t index, const Para
 }
 
 /// The eight thrusters of R2 [MARIS, III-D] on this vehicle: torque first, then force, since all
-/// six components are controlled here. They lag, pull less than they push, and have dead zones.
+/// six components are controlled here. They lag, have less thrust backwards than forwards, and have
+/// dead zones.
 class Propulsion {
  public:
-  /// What the water gets of a wrench that is wanted for `dt` s.
+  /// The wrench that the thrusters achieve of a request, over `dt` s.
   icat::Status update(const Vector6& wanted, double dt, Vector6& given) {
     icat::Status status = allocation_.allocate(wanted);
     given.setZero();
@@ -158,7 +159,7 @@ class Side {
     b << Vector3::Constant(p.vehicle_bandwidth), Vector3::Constant(p.turn_bandwidth);
     return b;
   }
-  /// What each axis feels when the others are free, 1/(M⁻¹)ᵢᵢ, in the nominal posture.
+  /// The inertia of each axis when the others are free, 1/(M⁻¹)ᵢᵢ, in the nominal posture.
   static Vector13 nominal_inertia() {
     icat::HydrodynamicPlant<double, 7>::State nominal;
     nominal.q << 0, 0.4, 0.3, -1.6, 0, 0.8, 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// All rows, each in its own thread, and what must hold between them as in the paper.
+// Runs all rows, each in its own thread, and tests the paper's relations between them.
 #pragma once
 
 #include <algorithm>
@@ -74,7 +74,7 @@ inline double simulated(const Table& table, Quantity q, int t) {
                     p.moment.mean}[static_cast<std::size_t>(q)];
 }
 
-/// What the paper says of its table: both sides of it there and here.
+/// A relation that the paper states or shows: both sides, there and here.
 struct Relation {
   std::string text, paper, ours;
   bool holds, holds_in_print;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // An arm from a URDF: its tool follows a line that leads through a singularity (the wrist's axes
-// align), then out of the workspace and back. Nothing stops and nothing jumps: what cannot be had
-// is approached as far as it goes.
+// align), then out of the workspace and back. The motion neither stops nor jumps: unreachable goals
+// are approached as far as possible.
 #include <cstdio>
 #include <optional>
 
@@ -12,9 +12,9 @@
 #include "arm.hpp"
 
 int main(int argc, char** argv) {
-  const auto arguments =
-      support::parse(argc, argv, "An arm from a URDF goes where it cannot.", "out/05_urdf_arm");
-  support::Replay replay("An arm goes where it cannot: a singular wrist, out of reach");
+  const auto arguments = support::parse(
+      argc, argv, "An arm from a URDF moves beyond its workspace.", "out/05_urdf_arm");
+  support::Replay replay("An arm moves through a singularity and out of its workspace");
   std::optional<support::RobotReplay<arm::Controller>> view;
   support::Csv csv(arguments.output, "run.csv", "t,error,turn,mu,speed,step,height,reach");
   double worst_step = 0, farthest = 0, least = 1, end = 1;

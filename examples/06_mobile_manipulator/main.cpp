@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A differential drive with a six-axis arm paints a wall that bends: the tool follows a line that
-// rises and falls, its axis normal to the wall; the base drives only as far as the arm needs it to.
+// A differential drive with a six-axis arm paints a bent wall: the tool follows a line that rises
+// and falls, its axis normal to the wall; the base drives only as far as the arm needs it to.
 #include <cstdio>
 #include <icat/icat.hpp>
 #include <icat/sim/kinematic_plant.hpp>

@@ -55,7 +55,7 @@ int main(int argc, char** argv) {
   if (robot.update(q) != icat::Status::ok) return 1;
 
   //! [tasks]
-  // The tray lies midway between the hands; where they are now they keep hold of it.
+  // The tray lies midway between the hands, which keep their present poses on it.
   icat::Pose<double> centre = robot.pose(left);
   centre.translation() = (robot.pose(left).translation() + robot.pose(right).translation()) / 2;
   centre.linear().setIdentity();

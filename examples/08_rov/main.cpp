@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A work-class ROV holds a tool still with a five-joint arm. It commands surge, sway, heave and
-// yaw; roll and pitch swing as the waves have it, and what the sensors say of them is all it knows.
+// yaw; roll and pitch oscillate with the waves and are only measured.
 #include <cstdio>
 #include <icat/icat.hpp>
 #include <icat/sim/kinematic_plant.hpp>
@@ -92,9 +92,9 @@ Run run(bool feedback, support::Csv& csv, support::Replay& replay) {
 
 int main(int argc, char** argv) {
   const auto arguments =
-      support::parse(argc, argv, "An ROV that swings holds a tool still.", "out/08_rov");
+      support::parse(argc, argv, "An ROV in waves holds a tool still.", "out/08_rov");
   support::Csv csv(arguments.output, "run.csv", "t,feedback,error,tilt,ahead,surge,heave,q2,q3");
-  support::Replay replay("An ROV that swings holds a tool still", true);
+  support::Replay replay("An ROV in waves holds a tool still", true);
   const Run blind = run(false, csv, replay), seeing = run(true, csv, replay);
   std::printf(
       "%s: the hull tilts by up to %.1f deg; the tool is off by %.1f mm without the measured "

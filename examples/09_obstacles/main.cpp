@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A six-axis arm carries a tool from one side of a post to the other, over a table and under a ball
-// that swings through its way. It keeps clear of all three, and of itself.
+// that swings across its path. It avoids collisions with all three, and between its own links.
 #include <cstdio>
 #include <icat/icat.hpp>
 #include <numbers>
@@ -30,8 +30,8 @@ icat::KinematicTree<double, 6> make_robot() {
 }
 
 int main(int argc, char** argv) {
-  const auto arguments = support::parse(
-      argc, argv, "An arm goes round obstacles and keeps off itself.", "out/09_obstacles");
+  const auto arguments =
+      support::parse(argc, argv, "An arm avoids obstacles and self-collision.", "out/09_obstacles");
   auto robot = make_robot();
   const icat::FrameId tool = robot.frame("link6");
   icat::Vector<double, 6> q;
@@ -63,7 +63,7 @@ int main(int argc, char** argv) {
                               {.solver = {.regularization = {.lambda = 0.01, .threshold = 0.05}}});
   //! [tasks]
 
-  support::Replay replay("An arm goes round obstacles and keeps off itself");
+  support::Replay replay("An arm avoids obstacles and self-collision");
   support::RobotReplay view(replay, controller, {.frames = {"link6"}, .samples = 9000});
   const auto swinging = view.log().add("ball", "m", icat::LogKind::point);
   view.run().shapes.push_back({.form = icat::ReplayForm::box,

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A vehicle swims a square in a current and steers by what its estimators tell it. GPS at the
-// start, then a DVL, which on the third side comes too near to the bottom and is lost for ten
-// seconds.
+// A vehicle follows a square in a current by its own estimates. It has GPS at the start, then a
+// DVL, which on the third side is too near to the bottom and does not measure for ten seconds.
 #include <cstdio>
 #include <icat/control/vehicle_loop.hpp>
 #include <icat/model/maris_bodies.hpp>
@@ -31,7 +30,7 @@ icat::VehicleModel<double> make_model(const icat::RigidBody<double>& body) {
   return m;
 }
 
-// The truth: upright, so that surge, sway, heave and yaw are all there is.
+// The true motion: upright, with surge, sway, heave and yaw only.
 void swim(const icat::VehicleModel<double>& m, const Vector6& wrench, icat::Noise& disturbance,
           icat::VehicleMotion<double>& truth) {
   const Matrix3 R = truth.pose.linear();
@@ -90,7 +89,7 @@ int main(int argc, char** argv) {
     const auto inertial = ahrs.measure(t, truth);
     if (inertial) gyro = inertial->value.gyro;
     status = navigation.step(t, gyro, wrench);
-    // What a gate refuses, its counter shows.
+    // Counters of the gates show refused measurements.
     if (inertial) (void)navigation.correct_attitude(inertial->value.attitude);
     if (const auto z = dvl.measure(t, truth)) (void)navigation.correct_dvl(z->value, t - z->time);
     if (const auto z = depth.measure(t, truth)) (void)navigation.correct_depth(z->value);

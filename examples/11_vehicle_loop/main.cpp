@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The counterpart of Fig. 14 of [MARIS]: a step of the surge velocity in a current, with the
-// velocity loop as it is and without each of its parts.
+// The counterpart of Fig. 14 of [MARIS]: a step of the surge velocity in a current, with the whole
+// velocity loop and without each of its parts.
 #include <cstdio>
 
 #include "../support/command_line.hpp"
@@ -28,9 +28,9 @@ void step_responses(const std::string& folder) {
   const auto blind = step("the current not told", {.current_told = false});
   const auto beyond = step("0.5 m/s, beyond the thrusters", {.speed = 0.5});
   const auto winds =
-      step("0.5 m/s, thrust achieved not told", {.speed = 0.5, .anti_windup = false});
+      step("0.5 m/s, achieved wrench not given", {.speed = 0.5, .anti_windup = false});
   const auto blown = r2::turn(0.1, false, status), holds = r2::turn(0.1, true, status);
-  std::printf("turning on the spot it is blown off by %.1f mm; with the current told by %.1f mm\n",
+  std::printf("turning on the spot it is displaced by %.1f mm; with the current known by %.1f mm\n",
               1e3 * *std::max_element(blown.begin(), blown.end()),
               1e3 * *std::max_element(holds.begin(), holds.end()));
   support::Csv csv(folder, "step.csv",

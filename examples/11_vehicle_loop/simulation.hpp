@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The vehicle R2 of [MARIS] with its thrusters in a current, its velocity loop, and what is left of
-// the loop when a part is taken away: the counterpart of Fig. 14.
+// The vehicle R2 of [MARIS] with its thrusters in a current and its velocity loop, with and without
+// each part of the loop: the counterpart of Fig. 14.
 #pragma once
 
 #include <algorithm>
@@ -90,7 +90,7 @@ class Rig {
 struct Step {
   double speed = 0.2, current = 0.1;  ///< m/s, along x; the water comes from ahead if < 0
   double mass = 400;                  ///< of the vehicle, kg
-  double model_mass = 400;            ///< what the loop thinks
+  double model_mass = 400;            ///< in the loop's model
   bool feed_forward = true;           ///< false: PI alone, with the same gains
   bool current_told = true;           ///< the loop is given the current
   bool anti_windup = true;            ///< the loop is given what the thrusters achieve

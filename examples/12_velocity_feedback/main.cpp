@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The counterparts of Figs 17 and 18 of [MARIS]: a dynamic vehicle and arm with noisy velocity
-// feedback, without and with a low-pass at 50 rad/s; the sweep of the cut-off; and how much of it
-// the arm does to the vehicle.
+// feedback, without and with a low-pass at 50 rad/s; the sweep of the cut-off; and the effect of
+// the arm's reaction on the vehicle.
 #include <cstdio>
 #include <string>
 
@@ -44,7 +44,7 @@ bool sweep_cutoffs(const std::string& folder, Result& none, Result& fifty) {
   return ok;
 }
 
-/// What the filter divides with other numbers than those of the table.
+/// The filter's factors with other parameters than those of the table.
 bool vary(const char* name, feedback::Variant variant) {
   const Result none = feedback::run(variant);
   variant.cutoff = 50;
@@ -92,7 +92,7 @@ int main(int argc, char** argv) {
       none.acceleration / alone.acceleration, fifty.acceleration / alone_fifty.acceleration,
       none.rate / alone.rate, fifty.rate / alone_fifty.rate, none.reference / alone.reference,
       fifty.reference / alone_fifty.reference, k, 1 / (1 - k));
-  std::printf("Noise that the arm follows leaves the tool off by %.4f rad, whatever the filter.\n",
+  std::printf("Noise that the arm follows causes a tool error of %.4f rad, with any filter.\n",
               feedback::angular_noise * std::sqrt(3 * dt / (2 * feedback::tool_gain)));
   std::printf("With an arm twice as heavy the gain is %.2f.\n", feedback::loop_gain(2));
   std::printf("The filter divides, with\n");

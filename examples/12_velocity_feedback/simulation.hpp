@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The lesson of the MARIS trials [MARIS, VI-D]: TPIK 2 takes noise of the vehicle's measured
-// velocity for motion and makes up for it, the arm shakes the vehicle, and that is measured again.
-// A first-order low-pass at 50 rad/s ended it. R2 and the arm as dynamics hold a tool in place.
+// The lesson of the MARIS trials [MARIS, VI-D]: TPIK 2 compensates the noise of the vehicle's
+// measured velocity like a motion, the arm shakes the vehicle, and this motion is measured again. A
+// first-order low-pass at 50 rad/s ended it. R2 and the arm, simulated with dynamics, hold a tool
+// in place.
 #pragma once
 
 #include <array>
@@ -31,8 +32,8 @@ using Vector6 = icat::Vector6<double>;
 using Vector13 = icat::Vector<double, 13>;
 using Joints = icat::Vector<double, 7>;
 
-// One set for all runs. The paper prints the cut-off and nothing else of this; noise and delay are
-// in the middle of what such sensors have.
+// One set for all runs. Of these the paper gives only the cut-off; noise and delay are typical of
+// such sensors.
 constexpr double plant_dt = 0.001;       // s, and of the joints' drives
 constexpr int vehicle_every = 10;        // 100 Hz: the vehicle's loop and its thrusters
 constexpr int law_every = 20;            // 50 Hz: TPIK 2, as a law
@@ -91,8 +92,9 @@ inline Plant make_plant(double arm, double mass = 400) {
   return Plant(description, {.q = start()});
 }
 
-/// What the arm makes the vehicle do when it makes up for a motion of the vehicle, as a share of
-/// that motion: the largest eigenvalue of −M_vv⁻¹ M_vq P, P = −J_q^+ J_v, by power iteration.
+/// The motion of the vehicle that the arm causes when it compensates a motion of the vehicle, as a
+/// share of that motion: the largest eigenvalue of −M_vv⁻¹ M_vq P, P = −J_q^+ J_v, by power
+/// iteration.
 inline double loop_gain(double arm = 1) {
   const Plant plant = make_plant(arm);
   const Plant::Dynamics& dynamics = plant.dynamics();
@@ -199,7 +201,7 @@ class Simulation {
     keep(robot_.update(start(), icat::Pose<double>::Identity()));
     return robot_.pose(tool_);
   }
-  // What a drive feels when all else is free, 1/(M⁻¹)ᵢᵢ.
+  // The inertia of a drive when all else is free, 1/(M⁻¹)ᵢᵢ.
   Joints felt() const {
     icat::detail::Cholesky<double, 13> factor;
     (void)factor.compute(plant_.dynamics().mass_matrix());
@@ -258,7 +260,7 @@ class Simulation {
       q_ = plant_.q();
       speed_ = plant_.joint_velocity();
     } else {
-      // The vehicle carries an arm that holds still; the one that moves weighs on nobody.
+      // The vehicle carries an arm that holds still; the moving arm has no reaction on it.
       keep(held_.update(still, plant_.joint_velocity(), still, plant_dt));
       force.head<7>() = held_.output();
       keep(plant_.step(force, plant_dt));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// One mission on whatever moves the robot: the plant without dynamics, MuJoCo, CANopen drives for
-// the arm, ArduSub for the vehicle. Writes CSV and, where gnuplot is found, a picture.
+// One mission on four back-ends: the plant without dynamics, MuJoCo, CANopen drives for the arm,
+// ArduSub for the vehicle. Writes CSV and, where gnuplot is found, a picture.
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -101,7 +101,7 @@ reach::Result run(const std::string& name, const std::string& can, const std::st
 int main(int argc, char** argv) {
   std::string name = "kinematic", can = "vcan0", udp = "14550";
   const auto arguments = support::parse(
-      argc, argv, "The tool to a goal, on whatever moves the robot.", "out/13_hardware", {}, {},
+      argc, argv, "Brings the tool to a goal, on the chosen back-end.", "out/13_hardware", {}, {},
       {{"--back-end", "what moves the robot", &name, {"kinematic", "mujoco", "canopen", "ardusub"}},
        {"--can", "interface that the drives of the arm are on", &can},
        {"--udp", "port, or address:port, that ArduSub listens at", &udp}});

@@ -22,7 +22,8 @@ inline Robot make_robot() {
   return icat::uvms(icat::maris_arm<double>(), {.arm = icat::maris_arm_mount<double>(),
                                                 .tool = support::pose({0, 0, 0.1}, 0, 0, 0)});
 }
-/// No vehicle of this kind drives its roll and pitch: they are measured, and the rest makes up.
+/// Vehicles of this kind do not actuate roll and pitch: they are measured, and the rest
+/// compensates.
 inline const icat::Columns given = icat::ColumnRange{10, 2};
 /// Of the tool: ahead of where the vehicle begins, to starboard and below, the gripper from above.
 inline Pose goal_from(const Pose& vehicle) {
@@ -117,7 +118,7 @@ Result run(BackEnd& back_end, Clock clock, Entered entered) {
                               state.base.translation(), robot.pose(tool).translation(),
                               controller.command()});
   }
-  // What holds a command until the next one gets zero as the last.
+  // The last command is zero, for a back-end that holds its last command.
   (void)back_end.write(result.samples.back().t, icat::Vector<double, 13>::Zero());
   result.held = mission.end() == icat::PhaseEnd::success;
   return result;

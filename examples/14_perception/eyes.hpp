@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// From a pair of pictures to a pose, and how wrong that is.
+// From a pair of images to a pose and its error.
 #pragma once
 
 #include <icat/adapters/opencv.hpp>
@@ -57,7 +57,7 @@ class Eyes {
         pose_(cameras) {}
 
   //! [mask]
-  /// The arm in both pictures; without hulls none.
+  /// The arm in both images; none without hulls.
   void mask(const icat::ArmOutline<double>& arm) {
     for (std::size_t k = 0; k < 2; ++k) {
       finders_[k].clear_mask();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A pair of cameras sees a yellow pipe in a pool, by day and night, through clear and turbid water,
-// past the arm. Pictures are rendered; all that is done with them is the library's.
+// with the arm in view. Images are rendered; the library does the rest.
 #include <chrono>
 #include <cstdio>
 #include <ctime>
@@ -126,7 +126,7 @@ int follow(Rig& rig, const std::string& folder) {
     sheet.empty() ? both.copyTo(sheet) : cv::vconcat(sheet, both, sheet);
   }
   cv::imwrite(folder + "/tracked.png", sheet);
-  std::printf("past the arm, at night: %d of %d pictures give the axis, within %.1f mm\n",
+  std::printf("with the arm in view, at night: %d of %d images give the axis, within %.1f mm\n",
               pictures - wrong, pictures, 1e3 * worst);
   return wrong;
 }

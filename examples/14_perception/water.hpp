@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What water, light and a sensor make of surfaces: for each channel, with the attenuation c = a + b
-// of absorption and scattering,
+// The image of surfaces through water, light and a sensor: for each channel, with the attenuation c
+// = a + b of absorption and scattering,
 //
 //     picture = albedo (sun + lamps) exp(−c range) + backscatter
 //     sun     = exp(−k depth);  its backscatter = g b / c (1 − exp(−c range)) at the camera

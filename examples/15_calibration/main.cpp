@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Two cameras behind flat ports are calibrated in air and in water, find themselves on the arm by a
-// board on its wrist, and look at a pipe: what parameters from the air cost in the water.
+// Two cameras behind flat ports are calibrated in air and in water, then relative to the arm by a
+// board on its wrist, and measure a pipe: the error under water of parameters calibrated in air.
 #include <cstdio>
 
 #include "../14_perception/pictures.hpp"
@@ -117,7 +117,7 @@ int main(int argc, char** argv) {
   by_hand.linear() *= icat::rotation_exp<double>(Vector3(0.005, 0.003, -0.004));
   std::printf("\n%-34s %-25s %s\n", "the cameras on the arm", "one posture (rms)", "average of 15");
   report_mount("in-water parameters", with_water, wrist.camera());
-  report_mount("board off by 2.4 mm and 7 mrad",
+  report_mount("board wrong by 2.4 mm and 7 mrad",
                camera_in_arm(views, by_hand, water.cameras.cameras[0]), wrist.camera());
   report_mount("in-air parameters", with_air, wrist.camera());
   water.mount = average(with_water), air.mount = average(with_air);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A camera behind a flat port, as light goes: a lens in air, a pane, water. Such a camera has no
-// centre, all rays of its picture meet an axis [MARIS, VI-A1; there "axial camera"]. By Snell's
+// A camera behind a flat port, by exact refraction: a lens in air, a pane, water. Such a camera has
+// no centre, all rays of its picture meet an axis [MARIS, VI-A1; there "axial camera"]. By Snell's
 // law, with the sine s of the angle to the axis in air,
 //
 //     R = d_air s/√(1 − s²) + d_glass s/√(n_g² − s²) + (Z − d_air − d_glass) s/√(n_w² − s²)

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // One attempt to grasp, from the survey to the posture for transport, in closed loop: plant,
 // thrusters, sensors, navigation, vision, hand, mission, control. A campaign is a set of switches;
-// everything else is one set of numbers. Chance is in the conditions of an attempt and in the
-// sensors' noise, all by its seed; whether it succeeds is up to the contacts of the hand.
+// everything else is one set of numbers. The conditions of an attempt and the sensors' noise are
+// random, by its seed; the contacts of the hand decide whether it succeeds.
 #pragma once
 
 #include <array>
@@ -261,7 +261,7 @@ class Attempt {
 
   Pose palm() const { return plant_.vehicle() * plant_.dynamics().hand(palm_mount()).pose; }
 
-  // What pulls at the vehicle, on ⟨v⟩: the umbilical and, in October, the diver.
+  // Disturbing forces on the vehicle, on ⟨v⟩: the umbilical and, in October, the diver.
   Vector6 pull() {
     const double k = plant_dt / sway_time;
     for (int i = 0; i < 3; ++i) {
@@ -329,7 +329,7 @@ class Attempt {
     result_.seen = pictures_ > 0 ? static_cast<double>(seen_) / static_cast<double>(pictures_) : 0;
     result_.outcome = std::string(mission_.phase());
     if (bad_ != Status::ok) result_.outcome = "fault";
-    // The mission believes the motors' currents. Here the pipe is asked.
+    // The mission decides by the motors' currents; this checks the true pose of the pipe.
     if (mission_.end() == icat::PhaseEnd::success &&
         (pool_.on_floor() || pool_.hand().fingers_touching() < 2)) {
       result_.outcome = "not held";

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The three campaigns of [MARIS, Table I], simulated: attempts to grasp a pipe, what became of
-// them, and April without each of its cures.
+// The three campaigns of [MARIS, Table I], simulated: attempts to grasp a pipe, their outcomes, and
+// April without each of its remedies.
 //
-//   16_maris_campaign --attempts 300               goes on where it was stopped
+//   16_maris_campaign --attempts 300 continues where it was stopped
 //   16_maris_campaign --attempts 300 --shard 1/4   every fourth attempt
 //   16_maris_campaign --merge                      joins all shards in the folder
 #include <atomic>

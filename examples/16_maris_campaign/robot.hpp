@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The robot of the campaigns, what its controllers and estimators think that it is, and what is
-// different in each attempt.
+// The robot of the campaigns, the models of its controllers and estimators, and the conditions that
+// differ between attempts.
 #pragma once
 
 #include <cmath>
@@ -57,8 +57,8 @@ struct Conditions {
   }
   Pose pipe;           ///< x along it
   Pose start, placed;  ///< of the vehicle, by itself and by hand
-  Pose waypoint;       ///< where the pipe is thought to be, less the vehicle's way to look at it
-  Vector3 tether;      ///< N, on ⟨0⟩: the umbilical and ballast, that nobody knows
+  Pose waypoint;       ///< of the vehicle, 0.5 m behind the assumed place of the pipe
+  Vector3 tether;      ///< N, on ⟨0⟩: the umbilical and ballast, unknown to the controllers
 };
 
 /// Both poles of each component, rad/s; roll and pitch are not actuated.

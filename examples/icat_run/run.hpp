@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Runs a configuration on whatever moves its robot.
+// Runs a configuration on a back-end.
 #pragma once
 
 #include <icat/adapters/yaml.hpp>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What main.cpp asks of the machine it runs on: board.cpp is a Cortex-M without operating system,
-// host.cpp the computer that compiles.
+// The functions that main.cpp needs of its machine: board.cpp is a Cortex-M without operating
+// system, host.cpp the computer that compiles.
 #pragma once
 
 #include <array>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The examples' command line. CLI11 costs a compiler more than an example does, so it is behind a
+// The examples' command line. CLI11 takes longer to compile than an example, so it is behind a
 // function that is compiled once.
 #pragma once
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Poses as people write them, and how far two are apart.
+// Poses from positions and angles, and the distance of two poses.
 #pragma once
 
 #include <algorithm>

@@ -19,7 +19,7 @@ struct Variable {
 bool draw(const std::string& folder, std::initializer_list<Variable> more = {},
           const char* script = ICAT_PLOT_SCRIPT);
 
-/// One line on a terminal, nothing elsewhere; gone when it is destroyed.
+/// A progress bar on a terminal; prints nothing elsewhere; removed when destroyed.
 class ProgressBar {
  public:
   explicit ProgressBar(std::string title) : title_(std::move(title)) {}

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
 /// Everything of icat that runs on any robot. Navigation of a vehicle (`icat/navigation/`),
-/// perception (`icat/perception/`), simulation (`icat/sim/`) and foreign things
-/// (`icat/adapters/`) are included by name.
+/// perception (`icat/perception/`), simulation (`icat/sim/`) and adapters to other libraries and
+/// devices (`icat/adapters/`) are included by name.
 #pragma once
 
 #include "icat/action/action.hpp"

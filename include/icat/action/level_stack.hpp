@@ -91,7 +91,8 @@ class LevelStack {
     wanted_ = List<bool>(tasks_.size());
   }
 
-  /// Enters `action` at once, for a start in the middle of things. A refusal changes nothing.
+  /// Enters `action` at once, without a fade, for a robot that already moves. A refusal changes
+  /// nothing.
   Status start(std::string_view action, double time) noexcept {
     const std::size_t index = find(action);
     if (index == names_.size()) return Status::unknown_action;
@@ -100,9 +101,9 @@ class LevelStack {
     return Status::ok;
   }
   /// Moves to `action` over `duration` seconds, from the activations as they are now; also in the
-  /// middle of another transition, also back. To the action that runs or is being entered: nothing
-  /// changes, so it may be said in every cycle. As the first action it is entered at once, so that
-  /// its priorities hold; whoever commands fades the command in. A refusal changes nothing.
+  /// middle of another transition, also back. If `action` runs or is being entered nothing changes,
+  /// so it may be called in every cycle. As the first action it is entered at once, so that its
+  /// priorities hold; whoever commands fades the command in. A refusal changes nothing.
   Status switch_to(std::string_view action, double time, double duration) noexcept {
     const std::size_t index = find(action);
     if (index == names_.size()) return Status::unknown_action;
@@ -145,7 +146,7 @@ class LevelStack {
 
   /// L, m: see `Level::row_scale`.
   Scalar characteristic_length() const noexcept { return length_; }
-  /// What the stamps given so far amount to.
+  /// The clock of the stamps given so far.
   const StepClock& clock() const noexcept { return clock_; }
   /// The robot it was built for.
   const R& robot() const noexcept { return robot_; }

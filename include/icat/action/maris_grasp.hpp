@@ -7,12 +7,11 @@
 ///     3  elbow out of the camera's view
 ///     4  camera centred on the object
 ///     5  position of the tool
-///     6  orientation of the tool: where both cannot be had, the position is
+///     6  orientation of the tool: the position has priority over it
 ///     7  preferred shape of the arm
 ///
-/// What the camera sees moves with the vehicle. So goals are given on the frames that they are
-/// measured in, with the vehicle's pose when the picture was taken, and are held in ⟨0⟩ until the
-/// next picture:
+/// The camera measures in frames that move with the vehicle. So goals are given in these frames,
+/// with the vehicle's pose at the time of the image, and are held in ⟨0⟩ until the next image:
 ///
 ///     ⁰T_g = ⁰T_v(t_picture) ᵛT_g,     ⁰p_l = ⁰T_v(t_picture) ᵛT_c ᶜp_l
 ///
@@ -111,8 +110,8 @@ class MarisGrasp {
              {shape}}};
   }
 
-  /// A picture: ⟨g⟩ in ⟨v⟩, and ⟨v⟩ in ⟨0⟩ when it was taken. What is not finite, or no rotation,
-  /// is refused; the goal before stays.
+  /// A measurement from an image: ⟨g⟩ in ⟨v⟩, and ⟨v⟩ in ⟨0⟩ at the time of the image. If it is not
+  /// finite, or no rotation, it is refused, and the previous goal stays.
   Status see_grasp(const Pose<Scalar>& grasp_in_vehicle, const Pose<Scalar>& vehicle) noexcept {
     if (!detail::all_finite(grasp_in_vehicle.matrix()) || !detail::all_finite(vehicle.matrix())) {
       return Status::non_finite;

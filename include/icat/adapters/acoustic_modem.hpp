@@ -8,15 +8,14 @@
 /// is in acoustic_modem_answers.hpp, with the sources. Not tried on a device:
 /// docs/acoustic_modem.md.
 ///
-/// The channel is half-duplex and slow. The agents speak in turns, in the order of their indices:
-/// each after it has heard the one before it, or after a pause in which nothing was heard. The
-/// pauses differ, so that two who have spoken at the same time do not do so again. There is a queue
-/// of one: a message that was not sent yet is replaced by the next one, as it is of no use any
-/// more.
+/// The channel is half-duplex and slow. The agents send in turns, in the order of their indices:
+/// each after it has received the message of the one before it, or after a pause without messages.
+/// The pauses differ, so that two agents that have sent at the same time do not do so again. The
+/// queue holds one message: one that was not sent yet is replaced by the next one.
 ///
-/// In each cycle `exchange` reads and writes what there is, without waiting; `ready` says that it
-/// is this agent's turn; `send` takes its message; `take` gives what has come, if it is whole and
-/// right.
+/// In each cycle `exchange` reads and writes the available bytes, without blocking; `ready` is true
+/// in this agent's turn; `send` takes its message; `take` returns a received message, if it is
+/// complete and valid.
 #pragma once
 
 #include <array>

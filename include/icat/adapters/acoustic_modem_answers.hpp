@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// What an acoustic modem of the EvoLogics kind (S2C) says, taken out of a stream of bytes. Each
+/// Parses the answers of an acoustic modem of the EvoLogics kind (S2C) from a stream of bytes. Each
 /// answer ends in CR LF; a message that was received states its length, and its data may hold any
 /// bytes, CR and LF too:
 ///

@@ -21,7 +21,7 @@ enum class ModemMode {
   data,     ///< "+++AT…", beside a stream of data that this adapter does not use
 };
 
-/// What became of messages; each number wraps around.
+/// Counts of messages; each number wraps around.
 struct ModemCounts {
   std::uint32_t sent{0};        ///< messages whose last part was transmitted
   std::uint32_t received{0};    ///< whole messages of other agents
@@ -36,7 +36,7 @@ struct ModemCounts {
   std::uint32_t foreign{0};     ///< messages that are no parts, or of modems that are no agents
 };
 
-/// Settings, with defaults. Nothing is known of your modem but what stands here.
+/// Settings, with defaults. They are all that the adapter knows of your modem.
 struct AcousticModemOptions {
   std::vector<int> addresses{1, 2};    ///< modem of each agent, 1 … 254, in the agents' order
   std::size_t index{0};                ///< which of them this agent is

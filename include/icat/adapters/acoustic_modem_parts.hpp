@@ -9,9 +9,9 @@
 ///     data           56 bytes; what is left in the last part
 ///     2 bytes        CRC-16 (polynomial 1021h, as in CRC-16/CCITT-FALSE) of all before it
 ///
-/// The CRC of a part goes on from that of the part before it. So a part fits behind the one that
-/// it was cut from, and behind no other: parts of two messages never make one. The 8 bytes around
-/// the data make 32 bytes of 24 (a third more on air) and 192 of 168 (a seventh more, 3 parts).
+/// The CRC of a part continues that of the part before it. So a part is accepted only after its own
+/// predecessor: parts of two messages are never joined. The 8 bytes around the data make 32 bytes
+/// of 24 (a third more on air) and 192 of 168 (a seventh more, 3 parts).
 #pragma once
 
 #include <algorithm>

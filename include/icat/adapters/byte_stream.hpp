@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
 /// A serial port (termios) or a TCP connection to a device on Linux, as a stream of bytes that
-/// never waits. Sensors and modems alike hang on one; docs/acoustic_modem.md shows it at work.
+/// never blocks, for sensors and modems; docs/acoustic_modem.md has an example.
 ///
 /// `open` is called once per cycle. It opens the stream where it is closed, with a pause between
 /// two tries, and finishes a connection that is under way. A stream that breaks closes itself;

@@ -16,7 +16,7 @@
 
 namespace icat::canopen {
 
-/// What the master of a network tells a node [CiA 301, 7.2.8.3].
+/// Commands of the network master to a node [CiA 301, 7.2.8.3].
 enum class NmtCommand : std::uint8_t {
   start = 1,
   stop = 2,
@@ -25,7 +25,7 @@ enum class NmtCommand : std::uint8_t {
   reset_communication = 130,
 };
 
-/// What a node says of itself in its heartbeat [CiA 301, 7.2.8.3.2.2].
+/// States of a node in its heartbeat [CiA 301, 7.2.8.3.2.2].
 enum class NmtState : std::uint8_t {
   boot_up = 0,
   stopped = 4,
@@ -37,7 +37,7 @@ enum class NmtState : std::uint8_t {
 constexpr CanFrame nmt_frame(NmtCommand command, int node) noexcept {
   return {0, 2, {static_cast<std::uint8_t>(command), static_cast<std::uint8_t>(node & 0x7f)}};
 }
-/// Drives give what they measure, and take what came before, at this frame. Without counter.
+/// At this frame drives measure, and apply the data received before. Without counter.
 constexpr CanFrame sync_frame() noexcept { return {0x80, 0, {}}; }
 /// The heartbeat of the node `node`, 1 to 127.
 constexpr CanFrame heartbeat_frame(int node, NmtState state) noexcept {
@@ -187,14 +187,14 @@ class PdoMapping {
   std::uint8_t bytes_{0};
 };
 
-/// How a node is treated.
+/// Times of a node.
 struct NodeOptions {
   double heartbeat_period{0.1};  ///< s: of the node. Silence of more than three of them is a loss
   double sdo_timeout{0.5};       ///< s: how long an answer to one write may take
   double retry{1};               ///< s: between two tries to configure a node that does not answer
 };
 
-/// Where a node is on its way to operation.
+/// States of a node until it is operational.
 enum class NodePhase {
   waiting,      ///< for the next try to configure it
   configuring,  ///< one object after the other
@@ -204,7 +204,7 @@ enum class NodePhase {
             ///< begins anew
 };
 
-/// Why a node that was running is not any more.
+/// Why a node is no longer running.
 enum class NodeLoss {
   none,       ///< it was never lost
   silent,     ///< no heartbeat for more than three periods
@@ -285,8 +285,8 @@ class Node {
         break;
     }
   }
-  /// Hands what there is to say to `send`, `bool(const CanFrame&)`: at most a command and a frame
-  /// of a transfer. Returns false where `send` did: what was not sent stays.
+  /// Passes pending frames to `send`, `bool(const CanFrame&)`: at most a command and a frame of a
+  /// transfer. Returns false where `send` did: what was not sent stays.
   template <class Send>
   bool send(Send&& send) noexcept {
     if (has_command_) {

@@ -3,7 +3,7 @@
 /// A client of the service data objects of CANopen, which reads and writes a node's object
 /// dictionary [CiA 301, 7.2.4]: expedited up to four bytes, in segments of seven beyond; no block
 /// transfer. Bytes in, bytes out: `receive` takes a frame, `send` gives the next one, `advance`
-/// looks at the clock. A transfer takes as many cycles as it takes; no call waits.
+/// looks at the clock. A transfer takes several cycles; no call blocks.
 ///
 /// Replies that belong to no transfer, come twice or late are ignored. What never comes ends in a
 /// time-out. Replies do not say which transfer they belong to: after a time-out the next one waits

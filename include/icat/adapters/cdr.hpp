@@ -2,8 +2,8 @@
 /// @file
 /// Plain CDR, version 1, which is how DDS and bags of ROS 2 encode a message [OMG DDSI-RTPS 2.5,
 /// 10; DDS-XTypes 1.3, 7.4.1]: four bytes say which byte order, then every number is aligned to its
-/// size, counted from behind these four. A string is its length with the zero at its end, then its
-/// bytes; a sequence is its length, then its elements. Nothing here allocates or throws.
+/// size, counted from the end of these four. A string is its length with the zero at its end, then
+/// its bytes; a sequence is its length, then its elements. Nothing here allocates or throws.
 #pragma once
 
 #include <array>

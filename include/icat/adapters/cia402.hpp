@@ -31,7 +31,7 @@ enum class DriveState {
   fault,
 };
 
-/// What a statusword (0x6041) says.
+/// The state in a statusword (0x6041).
 constexpr DriveState drive_state(std::uint16_t statusword) noexcept {
   switch (statusword & 0x4f) {
     case 0x00:
@@ -80,7 +80,7 @@ constexpr std::uint16_t controlword_to_enable(DriveState state) noexcept {
 /// What a drive follows; the value is that of object 0x6060.
 enum class DriveMode : std::uint8_t { profile_position = 1, profile_velocity = 3 };
 
-/// What a drive is asked to be.
+/// The requested state of a drive.
 enum class DriveRequest {
   off,         ///< without torque
   quick_stop,  ///< to stand as fast as its option allows
@@ -96,7 +96,7 @@ inline std::int32_t to_int32(double value) noexcept {
                                                                  : value));
 }
 
-/// What is particular to a drive and the joint that it turns.
+/// Settings of a drive and of the joint that it moves.
 struct DriveOptions {
   std::string name;                             ///< of the joint, for messages
   int node{0};                                  ///< 1 to 127
@@ -247,8 +247,8 @@ class Drive {
   DriveState state() const noexcept {
     return sampled_ ? drive_state(sample_.value.statusword) : DriveState::unknown;
   }
-  /// Whether it is where it was told to go (statusword, bit 10), by its last statusword. False
-  /// while a set-point is on its way to it.
+  /// Whether it has reached its target (statusword, bit 10), by its last statusword. False while a
+  /// set-point is on its way to it.
   bool target_reached() const noexcept {
     return !new_setpoint_ && !in_handshake_ && (sample_.value.statusword & 0x0400) != 0;
   }

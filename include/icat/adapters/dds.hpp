@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// A robot that speaks ROS 2, without ROS: Eclipse Cyclone DDS with the names and types that ROS 2
-/// gives its topics [design.ros2.org, Topic and Service name mapping to DDS]. The program links
-/// `CycloneDDS::ddsc` and nothing else; docs/ros2.md has the lines of CMake.
+/// Communication with a ROS 2 robot without ROS: Eclipse Cyclone DDS with the names and types that
+/// ROS 2 gives its topics [design.ros2.org, Topic and Service name mapping to DDS]. The program
+/// links `CycloneDDS::ddsc` and nothing else; docs/ros2.md has the lines of CMake.
 ///
 ///     DdsJointStates    rt/joint_states           sensor_msgs::msg::dds_::JointState_         in
 ///     DdsOdometry       rt/odom                   nav_msgs::msg::dds_::Odometry_              in
@@ -14,9 +14,9 @@
 /// of ROS 2's by default, and match any subscription; they keep the last message only, so that no
 /// command follows a newer one, and never wait.
 ///
-/// A publisher that begins anew is another publisher to DDS: with the first message of one that was
-/// not heard of before, the stamps of the one before are forgotten, whatever clock it has. A clock
-/// that is set back under a publisher costs a message (`StampOrder`).
+/// A publisher that restarts is a different publisher to DDS: with the first message of a new one
+/// the stamps of the one before are forgotten, for any clock. After a clock of a running publisher
+/// is set back one message is lost (`StampOrder`).
 ///
 /// Cyclone DDS has threads of its own, which receive. `read` and `write` work in the caller's,
 /// without waiting; the header allocates nothing in them, Cyclone DDS may.
@@ -214,7 +214,7 @@ bool all_finite(const Values& values) noexcept {
 
 namespace icat {
 
-/// Where the robot is.
+/// The DDS domain of the robot.
 struct DdsOptions {
   std::uint32_t domain{0};      ///< ROS_DOMAIN_ID of the robot
   std::string configuration{};  ///< XML for Cyclone DDS; empty: what CYCLONEDDS_URI says

@@ -20,8 +20,9 @@
 /// which. Where the caller goes on sending but commands nothing for `hold`, the velocity is 0; in
 /// profile position a drive completes the move that it has begun.
 ///
-/// **What stops the arm when we die.** Each drive watches our heartbeat (0x1016: three periods) and
-/// our commands (0x1400, 5: `command_timeout`), and makes a quick stop of its own (0x6007 = 3).
+/// **What stops the arm when our program ends.** Each drive watches our heartbeat (0x1016: three
+/// periods) and our commands (0x1400, 5: `command_timeout`), and makes a quick stop of its own
+/// (0x6007 = 3).
 #pragma once
 
 #include "icat/adapters/cia402.hpp"
@@ -214,8 +215,7 @@ class DriveBus {
   }
   /// Whether all drives operate: commands count. As of the last `send`.
   bool enabled() const noexcept { return enabled_; }
-  /// Whether the arm can be trusted with a command at `now`, s: all drives operate, and none is
-  /// silent.
+  /// Whether the arm can accept a command at `now`, s: all drives operate, and none is silent.
   bool healthy(double now) const noexcept {
     if (!enabled_ || !ready(now)) return false;
     for (const Drive& drive : drives_) {

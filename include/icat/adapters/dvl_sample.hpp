@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// What a Teledyne Doppler log measured in one ensemble, on the axes of the vehicle; pd0.hpp and
-/// pd6.hpp decode it. Frames, by the Pathfinder DVL Guide (P/N 95B-6116-00, April 2018), chapter
-/// "Coordinate Frames", and "ADCP Coordinate Transformation" (P/N 951-6079-00):
+/// The measurements of a Teledyne Doppler log in one ensemble, on the axes of the vehicle; pd0.hpp
+/// and pd6.hpp decode it. Frames, by the Pathfinder DVL Guide (P/N 95B-6116-00, April 2018),
+/// chapter "Coordinate Frames", and "ADCP Coordinate Transformation" (P/N 951-6079-00):
 ///
 ///     instrument   X from beam 1 to beam 2, Y from beam 4 to beam 3, Z up for a unit that looks
 ///                  down
@@ -65,7 +65,7 @@ struct DvlSample {
   double speed_of_sound{0};  ///< m/s
 };
 
-/// How it is mounted, and what is believed.
+/// Mounting, and limits of accepted values.
 struct DvlOptions {
   /// β, rad: azimuth of beam 3 from ahead, to starboard positive. The default is how the manual
   /// recommends to mount it, and the beams of `DvlGeometry`. The instrument's own EA command does

@@ -29,8 +29,9 @@ struct LimitChange {
   std::optional<bool> continuous{};  ///< `true`: it turns without end, and has no lower and upper
 };
 
-/// A robot of another library but for its kinematics, see the file comment. An adapter derives from
-/// it, adds frames and joints in its constructor, then `finish`es it. For one thread at a time.
+/// A robot of another library, without its kinematics, see the file comment. An adapter derives
+/// from it, adds frames and joints in its constructor, then `finish`es it. For one thread at a
+/// time.
 template <class ScalarType>
 class ForeignRobot {
  public:

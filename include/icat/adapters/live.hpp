@@ -10,7 +10,8 @@
 /// fast as they come: one message may be on its way to it, the frames that come meanwhile are
 /// dropped for it.
 ///
-/// Anyone who reaches the port can look, nobody can command: what a browser sends is thrown away.
+/// Anyone who can connect to the port can view the page; everything that a browser sends is
+/// discarded.
 #pragma once
 
 #include <algorithm>

@@ -10,11 +10,11 @@
 ///     out   HEARTBEAT at 1 Hz, SET_POSITION_TARGET_LOCAL_NED (velocity in the world, yaw rate),
 ///           COMMAND_LONG (arm, mode, rates of telemetry), MANUAL_CONTROL with the sticks at rest
 ///
-/// **When communication is lost.** No word from the vehicle: it is not `healthy`, and what is sent
-/// is velocity zero, whatever is wished. No wish for 0.25 s: the same. No word from us: ArduSub
-/// sets the velocity to zero after 3 s, *not* the yaw rate; after 3 s without MANUAL_CONTROL
-/// (FS_PILOT_INPUT, as delivered) or 5 s without our heartbeat (FS_GCS_ENABLE, as delivered) it
-/// disarms.
+/// **When communication is lost.** No messages from the vehicle: it is not `healthy`, and velocity
+/// zero is sent, whatever velocity is set. No call of `set_velocity` for 0.25 s: the same. No
+/// messages from us: ArduSub sets the velocity to zero after 3 s, *not* the yaw rate; after 3 s
+/// without MANUAL_CONTROL (FS_PILOT_INPUT, as delivered) or 5 s without our heartbeat
+/// (FS_GCS_ENABLE, as delivered) it disarms.
 #pragma once
 
 #include <cmath>
@@ -39,7 +39,7 @@ enum class ArduSubMode : std::uint32_t {
   motor_detect = 20  ///< finds out how its thrusters turn
 };
 
-/// Who speaks to whom, and how often.
+/// Addresses, rates and time limits.
 struct MavlinkOptions {
   /// Ours. ArduSub's failsafes and its sticks listen to the system of its parameter MAV_GCS_SYSID
   /// (SYSID_MYGCS before 4.7), 255 as delivered.
@@ -119,9 +119,10 @@ class MavlinkVehicle {
     return out_.bytes();
   }
 
-  /// The wish from now on: surge, sway, heave (m/s) and the angular velocity about the body's z
-  /// (rad/s), on the body. It holds for 0.25 s, then zero goes out. Until the first one no
-  /// set-point is sent. `non_finite`, or `implausible` beyond 20 m/s or 20 rad/s: zero is the wish.
+  /// The velocity from now on: surge, sway, heave (m/s) and the angular velocity about the body's z
+  /// (rad/s), on the body. It holds for 0.25 s, then zero is sent. Before the first call no
+  /// set-point is sent. `non_finite`, or `implausible` beyond 20 m/s or 20 rad/s: the velocity
+  /// becomes zero.
   Status set_velocity(const std::array<double, 4>& on_body, double now) noexcept {
     Status status = Status::ok;
     for (const double v : on_body) {
@@ -142,12 +143,12 @@ class MavlinkVehicle {
   void arm() noexcept { requests_.ask(Requests::arming, 1, 0); }
   /// Asks for the thrusters to be disabled, before anything else that was asked.
   void disarm() noexcept { requests_.ask(Requests::arming, 0, 0); }
-  /// What became of the last `set_mode`.
+  /// State of the last `set_mode`.
   MavlinkRequest mode_request() const noexcept { return requests_.state(Requests::mode); }
-  /// What became of the last `arm` or `disarm`.
+  /// State of the last `arm` or `disarm`.
   MavlinkRequest arm_request() const noexcept { return requests_.state(Requests::arming); }
 
-  /// Whether a wish moves the vehicle at `now`: it is armed, in GUIDED, in no failsafe, its
+  /// Whether a set velocity moves the vehicle at `now`: it is armed, in GUIDED, in no failsafe, its
   /// heartbeat at most 3 s old (it comes each second: two may be lost), attitude and position at
   /// most `max_age`.
   bool healthy(double now) const noexcept {

@@ -6,8 +6,8 @@
 ///     twist of the base, on itself = B v     the robot's; BᵀB = I, so v = Bᵀ twist
 ///
 /// ArduSub obeys surge, sway, heave and yaw; roll and pitch it keeps level itself. Where the base
-/// has columns for these two, the controller must know that they are given, not commanded: what is
-/// written there goes nowhere.
+/// has columns for these two, make them given columns of the controller: commands in these columns
+/// are ignored.
 #pragma once
 
 #include <concepts>

@@ -25,7 +25,7 @@
 
 namespace icat {
 
-/// What came of a stream of MAVLink. Each number wraps around.
+/// Counts of a MAVLink stream. Each number wraps around.
 struct MavlinkCounts {
   std::uint32_t frames{0};    ///< whole, with a CRC that holds
   std::uint32_t damaged{0};   ///< begins of frames whose CRC, length or flags do not hold
@@ -35,7 +35,7 @@ struct MavlinkCounts {
   std::uint32_t lost{0};      ///< gaps in the vehicle's numbering; what came late was counted, too
   std::uint32_t repeated{0};  ///< the vehicle's, that had come before
   std::uint32_t late{0};      ///< the vehicle's, older than what had come before
-  std::uint32_t refused{0};   ///< whole, and nonsense: NaN, no rotation, beyond the plausible
+  std::uint32_t refused{0};   ///< whole, with invalid data: NaN, no rotation, implausible
   std::uint32_t reboots{0};   ///< the vehicle's clock began anew
 };
 

@@ -14,7 +14,7 @@
 
 namespace icat {
 
-/// What became of a request to the vehicle.
+/// The state of a request to the vehicle.
 enum class MavlinkRequest {
   none,       ///< nothing was asked
   pending,    ///< asked, or about to be

@@ -22,7 +22,7 @@
 
 namespace icat {
 
-/// How a log becomes a file.
+/// Settings of the file.
 struct McapOptions {
   double start =
       0;  ///< s since 1970, which time 0 of the log is; what lies before 1970 is put there

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// A simulation of MuJoCo is the robot that is driven: every joint and the free base follow the
-/// commanded velocity by a servo, against inertia, gravity, water and contacts, which are MuJoCo's.
-/// The program links `mujoco`; docs/hardware.md has the lines of CMake.
+/// A MuJoCo simulation as the robot: every joint and the free base follow the commanded velocity by
+/// a servo; MuJoCo simulates inertia, gravity, water and contacts. The program links `mujoco`;
+/// docs/hardware.md has the lines of CMake.
 ///
 ///     w = M(q) (commanded ẏ − ẏ),     f = w/τ + ∫ w dt / 4τ²
 ///
-/// with M what MuJoCo's mass matrix has for the joints, or for the base: each of the two knows its
-/// own inertia, whatever it carries, and not what the other does. τ is the lag of the servo, and 4τ
-/// its reset time, which damps critically. f goes to `qfrc_applied`. At the start the integral
-/// balances the weight; where f reaches its limit the integral waits.
+/// with M what MuJoCo's mass matrix has for the joints, or for the base: each of the two uses its
+/// own inertia, with everything that it carries, and ignores the motion of the other. τ is the lag
+/// of the servo, and 4τ its reset time, which damps critically. f goes to `qfrc_applied`. At the
+/// start the integral balances the weight; where f reaches its limit the integral waits.
 ///
 /// MuJoCo runs at the time step of its model. A control period is as many steps as fit; what is
 /// left over is carried to the next one. The integrator RK4 counts as Euler (`mj_step1`,

@@ -19,8 +19,8 @@
 /// that says of itself that it has no measurement (status V, quality 0, mode N, an empty field)
 /// changes nothing. Neither does one with a wrong checksum, a malformed field, a value out of its
 /// range, or an older time than the one before. The XOR of eight bits finds every single bit and
-/// every odd number of flips in a column; two flips in one column pass, which the gates of an
-/// estimator are for.
+/// every odd number of flips in a column; two flips in one column pass; the gates of an estimator
+/// must refuse them.
 #pragma once
 
 #include <array>
@@ -38,7 +38,7 @@
 
 namespace icat {
 
-/// What came from one line of NMEA 0183, sentence by sentence.
+/// Decodes one line of NMEA 0183, sentence by sentence.
 class NmeaDecoder {
  public:
   /// What is taken.

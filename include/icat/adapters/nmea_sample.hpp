@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// What sentences of NMEA 0183 say, as plain values, and how their fields are read. nmea.hpp
-/// decodes, nmea_sentence.hpp encodes.
+/// The values of NMEA 0183 sentences, and the decoding of their fields. nmea.hpp decodes,
+/// nmea_sentence.hpp encodes.
 #pragma once
 
 #include <array>

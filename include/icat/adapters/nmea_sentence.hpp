@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// Sentences of NMEA 0183 for an instrument that wants to be told where it is (a Doppler log, an
-/// acoustic positioning system), and for tests. The formats are those of nmea.hpp; numbers have a
-/// point whatever the locale.
+/// Sentences of NMEA 0183 for an instrument that needs position, heading or depth (a Doppler log,
+/// an acoustic positioning system), and for tests. The formats are those of nmea.hpp; numbers have
+/// a point whatever the locale.
 #pragma once
 
 #include <array>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// From a picture to the contour lines of a pipe, with OpenCV. The program links OpenCV's `core`
-/// and `imgproc`; docs/images_and_calibration.md has the lines of CMake.
+/// Extracts the contour lines of a pipe from an image, with OpenCV. The program links OpenCV's
+/// `core` and `imgproc`; docs/images_and_calibration.md has the lines of CMake.
 ///
 /// The steps are those of [MARIS, IV]; how each is done is ours.
 ///
@@ -13,8 +13,9 @@
 ///     4. each long contour again at full resolution, to parts of a pixel (opencv_edges.hpp); of an
 ///        end, half an ellipse, the line through the two points where the long contours touch it
 ///
-/// That line passes the centre of the end at r²/D, with D the distance of the pipe: the origin of a
-/// `CylinderPose` is better than its `rim_error`, which is meant for a line through the whole rim.
+/// The distance of that line from the centre of the end is r²/D, with D the distance of the pipe:
+/// the error of the origin of a `CylinderPose` is then smaller than its `rim_error`, which is for a
+/// line fitted to the whole rim.
 ///
 /// A picture is undistorted before, and a pixel has its centre at whole numbers, as OpenCV's
 /// calibration has it. All buffers of this file keep their size from construction on; OpenCV's own

@@ -36,9 +36,9 @@ namespace icat {
 
 /// Ensembles of PD0 from bytes. After construction no allocation, no exception.
 ///
-/// What is damaged, doubled or late changes nothing. After damage the search goes on one byte
-/// behind the header that was none, over all bytes that have come: an ensemble that follows is
-/// found at the latest `longest` bytes later.
+/// Damaged, doubled or late ensembles change nothing. After a false header the search continues at
+/// its second byte, in all bytes received: the next ensemble is found at most `longest` bytes
+/// later.
 class Pd0Decoder : public DvlEnsembles {
  public:
   /// Allocates `options.longest` bytes.

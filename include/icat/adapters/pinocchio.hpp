@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// A model of Pinocchio is the robot. Pinocchio has Eigen in its interface and must not meet a
-/// program that is compiled with `-march=native`; docs/adapters.md has the flags and the lines of
-/// CMake that work.
+/// A model of Pinocchio is the robot. Pinocchio has Eigen in its interface and crashes in a program
+/// that is compiled with `-march=native`; docs/adapters.md has the flags and the lines of CMake
+/// that work.
 ///
 ///     ẏ = Pinocchio's velocity v ∈ R^nv, in Pinocchio's order
 ///

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
 /// Writes logs as one HTML file that any browser opens without a network: the robot in 3-D over a
-/// time slider, what was said in words, and plots that move with it; several runs side by side. The
-/// page's own files are in examples/support/replay, and `share/icat/replay` once installed;
-/// three.js (r111 … r159, as a script: Debian's libjs-three, npm's three@0.149) is read from where
-/// you say when the page is written. Without it, the page has all but the 3-D picture, and says so.
+/// time slider, texts, and plots that follow the slider; several runs side by side. The page's own
+/// files are in examples/support/replay, and `share/icat/replay` once installed; three.js (r111 …
+/// r159, as a script: Debian's libjs-three, npm's three@0.149) is read from where you say when the
+/// page is written. Without it, the page has all but the 3-D picture, and says so.
 ///
 /// Numbers have 32 bits; those of points and poses have 16 between their smallest and largest
 /// value: 1 mm in 65 m.

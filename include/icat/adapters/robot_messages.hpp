@@ -2,7 +2,7 @@
 /// @file
 /// What a robot's middleware carries, as plain data: ros1.hpp and dds.hpp fill and send these.
 /// Units and frames are those of ROS: metres, radians, a base with x ahead, y to port, z up [REP
-/// 103, REP 105]; `icat` has no opinion on which way z points as long as all of a program agrees.
+/// 103, REP 105]; `icat` works with either direction of z, if the whole program uses the same.
 #pragma once
 
 #include <array>
@@ -53,11 +53,11 @@ inline Status normalize(Odometry& odometry) noexcept {
 /// A velocity of the base, [linear; angular] on the base, m/s, rad/s.
 using Twist = std::array<double, 6>;
 
-/// The order of what one sender stamps. What is not newer than the last that was taken is doubled
-/// or late, and dropped. A stamp that is older by more than `set_back` is that of a clock that was
-/// set back, or of a sender that began anew, once a second one, newer than it, confirms it: a clock
-/// that leaps ahead for one message costs the message after it, not all that follow. (A smaller
-/// leap heals itself: the stamps overtake it within `set_back`.) Copies, no allocation.
+/// The order of one sender's stamps. A message that is not newer than the last accepted one is
+/// doubled or late, and dropped. A stamp that is older by more than `set_back` comes from a clock
+/// that was set back, or from a restarted sender, if a second, newer one confirms it: after one
+/// stamp that is too far ahead one message is lost, not all that follow. (After a smaller error the
+/// stamps are newer again within `set_back`.) Copies, no allocation.
 class StampOrder {
  public:
   /// s: farther than this a message does not fall behind another on its way.

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// A robot behind ROS 1 (Noetic), through roscpp: joint states and odometry in, twist and joint
-/// velocities out. Messages: sensor_msgs/JointState, nav_msgs/Odometry, geometry_msgs/Twist,
-/// std_msgs/Float64MultiArray, the last as the group controllers of ros_controllers take it.
+/// Communication with a robot over ROS 1 (Noetic), through roscpp: joint states and odometry in,
+/// twist and joint velocities out. Messages: sensor_msgs/JointState, nav_msgs/Odometry,
+/// geometry_msgs/Twist, std_msgs/Float64MultiArray, the last as the group controllers of
+/// ros_controllers take it.
 ///
-/// This header is C++20 and knows nothing of roscpp, whose headers are not: another source of the
-/// program, compiled as C++17, includes ros1_boundary.hpp. docs/ros1.md has the lines of CMake.
+/// This header is C++20 and includes nothing of roscpp, whose headers are not C++20: another source
+/// of the program, compiled as C++17, includes ros1_boundary.hpp. docs/ros1.md has the lines of
+/// CMake.
 ///
 /// Frames are those of ROS (REP 103): x ahead, y to port, z up; robot_frames.hpp turns them into
 /// the vehicle's of icat (y to starboard, z down) and back. The pose is that of the base in the

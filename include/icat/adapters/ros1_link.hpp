@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// What ros1.hpp (C++20) and ros1_boundary.hpp (C++17, where roscpp is) say to each other: plain
-/// data, and nothing of either. Users include one of those two. C++17.
+/// The interface between ros1.hpp (C++20) and ros1_boundary.hpp (C++17, with roscpp): plain data
+/// only. Users include one of those two. C++17.
 #pragma once
 
 #include <cstddef>

@@ -26,7 +26,7 @@
 
 namespace icat {
 
-/// What a CAN socket answers.
+/// Results of the calls of a CAN socket.
 enum class [[nodiscard]] CanStatus{
     ok,         ///< a frame went out, or came in
     empty,      ///< nothing has come

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// A UDP socket that never waits, for adapters that take bytes and give bytes: one call reads a
-/// datagram that is there, one sends. IPv4, POSIX. Datagrams are lost, doubled and put out of order
-/// on the way: what is read must say itself which it is.
+/// A UDP socket that never blocks, for adapters that decode and encode bytes: one call reads an
+/// available datagram, one sends. IPv4, POSIX. Datagrams can be lost, doubled and reordered: the
+/// protocol must number its messages.
 #pragma once
 
 #include <arpa/inet.h>

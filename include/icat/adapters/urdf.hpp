@@ -6,9 +6,9 @@
 /// Every link is a frame. Joints: revolute, continuous, prismatic and fixed ones; mimics follow
 /// their leader and have no column. Columns are depth first, the joints of a link by their names;
 /// Pinocchio has the same order. Limits of position and velocity and masses are those of the file,
-/// with two exceptions, because they are what a file says that states nothing: a range [0, 0] and a
-/// velocity 0 are no limits. Limits of mimics are not looked at. A limit of acceleration is read
-/// where urdfdom does (headers 3.0 and newer).
+/// with two exceptions: a range [0, 0] and a velocity 0 mean that the file states no limit. Limits
+/// of mimics are ignored. A limit of acceleration is read where urdfdom does (headers 3.0 and
+/// newer).
 ///
 /// Needs exceptions, since the headers of urdfdom do. What urdfdom has to say goes into the text of
 /// the error, not to stderr.
@@ -39,7 +39,7 @@ struct LockedJoint {
   Scalar position;    ///< where it stays, rad or m
 };
 
-/// What a URDF does not say.
+/// Settings that a URDF does not contain.
 template <class Scalar>
 struct UrdfOptions {
   Base<Scalar> base{};  ///< what the root link can do; fixed by default

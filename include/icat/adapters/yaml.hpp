@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
 /// A controller from a YAML file: robot, limits, tasks, actions and mission. The keys are those of
-/// yaml_keys.hpp, listed in docs/configuration.md. What is wrong in a file is said with file, line,
-/// column, the name that is wrong and the names that there are.
+/// yaml_keys.hpp, listed in docs/configuration.md. An error message has file, line, column, the
+/// wrong name and the names that exist.
 ///
-/// Gains and goals may be read again while it runs: `read_changes` reads and checks the file
-/// outside the loop and refuses it as a whole where anything is wrong; `apply`, in the loop, cannot
-/// fail.
+/// Gains and goals may be read again at run time: `read_changes` reads and checks the file outside
+/// the loop and refuses it as a whole where anything is wrong; `apply`, in the loop, cannot fail.
 ///
 /// The program links yaml-cpp and urdfdom; docs/configuration.md has the lines of CMake. Everything
-/// is `double` and of run-time size. What a configured robot moves on is a back-end
-/// (control/back_end.hpp) that the program has.
+/// is `double` and of run-time size. A back-end (control/back_end.hpp) of the program moves the
+/// configured robot.
 #pragma once
 
 #include "icat/adapters/yaml_mission.hpp"

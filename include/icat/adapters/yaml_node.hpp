@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// What a YAML file says, with the place of every word: yaml-cpp reads it once, and nothing else of
-/// this adapter knows yaml-cpp. A key that stands twice, a second document, and what would grow
-/// without end (an alias inside itself) are errors here.
+/// The values of a YAML file, each with its line and column: yaml-cpp reads the file once, and no
+/// other header of this adapter includes yaml-cpp. A key that stands twice, a second document, and
+/// what would grow without end (an alias inside itself) are errors here.
 #pragma once
 
 #include <yaml-cpp/yaml.h>

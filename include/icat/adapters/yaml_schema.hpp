@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// The keys of configurations as a JSON schema for editors (draft 7), and as tables for people.
-/// Both are made of the table that the parser reads by. Needs no library.
+/// The keys of configurations as a JSON schema for editors (draft 7), and as Markdown tables. Both
+/// are generated from the parser's table of keys. Needs no library.
 #pragma once
 
 #include <set>
@@ -181,7 +181,7 @@ class SchemaWriter {
   }
   std::string property(const ConfigKey& k) {
     std::string about(k.about);
-    if (k.live) about.append(" (may change while it runs)");
+    if (k.live) about.append(" (may change at run time)");
     // Beside $ref editors look at nothing else, so both stand in a list of one.
     return quoted(k.name) + ": {\"description\": " + quoted(about) + ", \"allOf\": [" + value(k) +
            "]}";
@@ -314,7 +314,7 @@ inline void append_tables(const ConfigSection& s, std::set<std::string>& done, s
 /// The JSON schema (draft 7) of configurations. Allocates.
 [[gnu::cold]] inline std::string configuration_schema() { return detail::SchemaWriter().schema(); }
 
-/// All keys as tables of Markdown; *: needed, ↻: may change while it runs. Allocates.
+/// All keys as tables of Markdown; *: required, ↻: may change at run time. Allocates.
 [[gnu::cold]] inline std::string configuration_tables() {
   std::string text;
   std::set<std::string> done;

@@ -12,31 +12,31 @@ namespace config {
 
 inline constexpr bool live = true;
 inline constexpr ConfigKey type_key{"type", Value::text, "of the task", Unit::none, any, needed};
-inline constexpr ConfigKey gain_key{"gain", Value::number, "of the error; none: 1", Unit::rate, positive, false, live};
-inline constexpr ConfigKey joints_key{"joints", Value::names, "by name; none: all"};
+inline constexpr ConfigKey gain_key{"gain", Value::number, "of the error; default: 1", Unit::rate, positive, false, live};
+inline constexpr ConfigKey joints_key{"joints", Value::names, "names of joints; default: all"};
 inline constexpr ConfigKey frame_key{"frame", Value::text, "the frame that is controlled", Unit::none, any, needed};
-inline constexpr ConfigKey relative_key{"relative_to", Value::text, "frame that the goal is given in; none: the world"};
-inline constexpr ConfigKey axes_of_key{"axes_of", Value::choice, "whose axes count; none: reference", Unit::none, any, false, false, nullptr, "reference frame"};
+inline constexpr ConfigKey relative_key{"relative_to", Value::text, "reference frame of the goal; default: the world"};
+inline constexpr ConfigKey axes_of_key{"axes_of", Value::choice, "frame whose axes are used; default: reference", Unit::none, any, false, false, nullptr, "reference frame"};
 constexpr ConfigKey objective_key(Unit unit) {
-  return {"objective", Value::objective, "what the value is to do", unit, any, needed, live};
+  return {"objective", Value::objective, "objective on the controlled value", unit, any, needed, live};
 }
 constexpr ConfigKey norm_key(const char* about, Unit unit) {
   return {"norm", Value::objective, about, unit, any, false, live};
 }
 constexpr ConfigKey max_rate_key(Unit unit, Value value = Value::number) {
-  return {"max_rate", value, "none: no limit", unit, positive, false, live};
+  return {"max_rate", value, "default: no limit", unit, positive, false, live};
 }
 
 inline constexpr ConfigKey move_keys[] = {
-    {"from", Value::number, "when it begins, on the clock of the loop", Unit::time, any, needed},
-    {"to", Value::number, "when it ends, at rest", Unit::time, any, needed},
-    {"by", Value::vector, "how far the goal moves, on the reference", Unit::length, any, needed}};
+    {"from", Value::number, "start time, on the clock of the loop", Unit::time, any, needed},
+    {"to", Value::number, "end time; the goal is then at rest", Unit::time, any, needed},
+    {"by", Value::vector, "displacement of the goal, on the reference", Unit::length, any, needed}};
 inline constexpr ConfigSection move_section = section_of("move", move_keys);
-inline constexpr ConfigKey moves_key{"moves", Value::sections, "of the goal over time, added up", Unit::none, any, false, false, &move_section};
+inline constexpr ConfigKey moves_key{"moves", Value::sections, "motions of the goal over time, added", Unit::none, any, false, false, &move_section};
 
 inline constexpr ConfigKey body_keys[] = {
-    {"name", Value::text, "for pairs", Unit::none, any, needed},
-    {"frame", Value::text, "that it moves with", Unit::none, any, needed},
+    {"name", Value::text, "name used in pairs", Unit::none, any, needed},
+    {"frame", Value::text, "frame to which it is fixed", Unit::none, any, needed},
     {"center", Value::vector, "of a sphere, on the frame", Unit::length},
     {"from", Value::vector, "one end of a capsule, on the frame", Unit::length},
     {"to", Value::vector, "the other end", Unit::length},
@@ -52,88 +52,88 @@ inline constexpr ConfigKey capsule_keys[] = {
     {"radius", Value::number, "of the capsule", Unit::length, positive, needed}};
 inline constexpr ConfigSection capsule_section = section_of("capsule", capsule_keys);
 inline constexpr ConfigKey plane_keys[] = {
-    {"point", Value::vector, "on it, in the world", Unit::length, any, needed},
-    {"normal", Value::vector, "out of it, of length 1", Unit::none, any, needed}};
+    {"point", Value::vector, "a point of the plane, in the world", Unit::length, any, needed},
+    {"normal", Value::vector, "unit vector out of the obstacle", Unit::none, any, needed}};
 inline constexpr ConfigSection plane_section = section_of("plane", plane_keys);
 inline constexpr ConfigKey box_keys[] = {
     {"pose", Value::pose, "of its centre", Unit::none, any, needed},
     {"size", Value::vector, "lengths of its edges", Unit::length, positive, needed}};
 inline constexpr ConfigSection box_section = section_of("box", box_keys);
 inline constexpr ConfigKey obstacle_keys[] = {
-    {"sphere", Value::section, "a ball", Unit::none, any, false, false, &sphere_section},
+    {"sphere", Value::section, "a sphere", Unit::none, any, false, false, &sphere_section},
     {"capsule", Value::section, "a segment with a radius", Unit::none, any, false, false, &capsule_section},
-    {"plane", Value::section, "what is behind a plane", Unit::none, any, false, false, &plane_section},
+    {"plane", Value::section, "the half-space behind a plane", Unit::none, any, false, false, &plane_section},
     {"box", Value::section, "a box", Unit::none, any, false, false, &box_section}};
 inline constexpr ConfigSection obstacle_section = section_of("obstacle", obstacle_keys, "sphere capsule plane box");
 inline constexpr ConfigKey bodies_key{"bodies", Value::sections, "of the robot", Unit::none, any, needed, false, &body_section};
-inline constexpr ConfigKey bulge_key{"bulge", Value::number, "how much thicker a capsule is in its middle, in its lengths; none: 0.02", Unit::none, positive};
+inline constexpr ConfigKey bulge_key{"bulge", Value::number, "by how much a capsule is thicker in its middle, as a fraction of its length; default: 0.02", Unit::none, positive};
 
 inline constexpr ConfigKey joint_limits_keys[] = {type_key, gain_key, joints_key,
-    {"margin", Value::per_joint, "active so far before a limit; none: 0.1", Unit::joint, positive, false, live},
-    {"to_middle", Value::boolean, "true: pull to the middle of the range"},
+    {"margin", Value::per_joint, "distance from a limit at which the task becomes active; default: 0.1", Unit::joint, positive, false, live},
+    {"to_middle", Value::boolean, "true: the reference point is the middle of the range"},
     max_rate_key(Unit::joint_speed, Value::per_joint)};
 inline constexpr ConfigKey joint_position_keys[] = {type_key, gain_key, joints_key,
     {"goal", Value::joint_values, "of each of its joints", Unit::joint, any, needed, live},
-    norm_key("objective on the distance from the goal; none: each joint to its own", Unit::joint),
+    norm_key("objective on the distance from the goal; default: one row for each joint", Unit::joint),
     max_rate_key(Unit::joint_speed, Value::per_joint)};
 inline constexpr ConfigKey frame_pose_keys[] = {type_key, gain_key, frame_key, relative_key, axes_of_key,
-    {"goal", Value::goal_pose, "in the reference; 'here': where it is at the start", Unit::none, any, needed, live},
-    {"linear", Value::axes, "of the position; none: all"},
-    {"angular", Value::axes, "of the orientation; none: all"},
+    {"goal", Value::goal_pose, "in the reference; 'here': that of the frame at the start", Unit::none, any, needed, live},
+    {"linear", Value::axes, "controlled axes of the position; default: all"},
+    {"angular", Value::axes, "controlled axes of the orientation; default: all"},
     {"norms", Value::section, "one row for the distance, one for the angle", Unit::none, any, false, live, &norms_section},
-    {"max_linear_rate", Value::number, "none: no limit", Unit::speed, positive, false, live},
-    {"max_angular_rate", Value::number, "none: no limit", Unit::turn, positive, false, live},
+    {"max_linear_rate", Value::number, "default: no limit", Unit::speed, positive, false, live},
+    {"max_angular_rate", Value::number, "default: no limit", Unit::turn, positive, false, live},
     moves_key};
 inline constexpr ConfigKey frame_position_keys[] = {type_key, gain_key, frame_key, relative_key, axes_of_key,
-    {"goal", Value::goal_point, "in the reference; 'here': where it is at the start", Unit::length, any, needed, live},
-    {"axes", Value::axes, "that count; none: all"},
-    norm_key("objective on the distance; none: each axis", Unit::length),
+    {"goal", Value::goal_point, "in the reference; 'here': that of the frame at the start", Unit::length, any, needed, live},
+    {"axes", Value::axes, "axes that are controlled; default: all"},
+    norm_key("objective on the distance; default: one row for each axis", Unit::length),
     max_rate_key(Unit::speed),
     moves_key};
 inline constexpr ConfigKey frame_orientation_keys[] = {type_key, gain_key, frame_key, relative_key, axes_of_key,
-    {"goal", Value::goal_turn, "a pose without position; 'here': as it is at the start", Unit::none, any, needed, live},
-    {"axes", Value::axes, "that count; none: all"},
-    norm_key("objective on the angle; none: each axis", Unit::angle),
+    {"goal", Value::goal_turn, "a pose without position; 'here': its orientation at the start", Unit::none, any, needed, live},
+    {"axes", Value::axes, "axes that are controlled; default: all"},
+    norm_key("objective on the angle; default: one row for each axis", Unit::angle),
     max_rate_key(Unit::turn)};
 inline constexpr ConfigKey frame_velocity_keys[] = {
     type_key, frame_key,
-    {"relative_to", Value::text, "the reference; none: the world"},
-    {"axes_of", Value::choice, "whose axes count; none: frame", Unit::none, any, false, false, nullptr, "reference frame"},
-    {"linear", Value::axes, "of the linear velocity; none: all"},
-    {"angular", Value::axes, "of the angular velocity; none: all"},
-    {"linear_velocity", Value::vector, "none: 0", Unit::speed, any, false, live},
-    {"angular_velocity", Value::vector, "none: 0", Unit::turn, any, false, live}};
+    {"relative_to", Value::text, "the reference; default: the world"},
+    {"axes_of", Value::choice, "frame whose axes are used; default: frame", Unit::none, any, false, false, nullptr, "reference frame"},
+    {"linear", Value::axes, "controlled axes of the linear velocity; default: all"},
+    {"angular", Value::axes, "controlled axes of the angular velocity; default: all"},
+    {"linear_velocity", Value::vector, "default: 0", Unit::speed, any, false, live},
+    {"angular_velocity", Value::vector, "default: 0", Unit::turn, any, false, live}};
 inline constexpr ConfigKey attitude_keys[] = {type_key, gain_key, frame_key,
-    {"axis", Value::vector, "of length 1, on the frame; none: z"},
-    {"world_axis", Value::vector, "of length 1, on the world; none: z", Unit::none, any, false, live},
-    norm_key("objective on the angle; none: two rows, to zero", Unit::angle),
+    {"axis", Value::vector, "unit vector on the frame; default: z"},
+    {"world_axis", Value::vector, "unit vector in the world; default: z", Unit::none, any, false, live},
+    norm_key("objective on the angle; default: two rows, to zero", Unit::angle),
     max_rate_key(Unit::turn)};
 inline constexpr ConfigKey look_at_keys[] = {type_key, gain_key,
     {"camera", Value::text, "frame of the camera", Unit::none, any, needed},
     {"target", Value::vector, "in the world", Unit::length, any, false, live},
     {"target_frame", Value::text, "or a frame of the robot"},
-    {"axis", Value::vector, "of length 1, on the camera; none: z"},
-    norm_key("objective on the angle; none: two rows, to zero", Unit::angle),
+    {"axis", Value::vector, "unit vector on the camera; default: z"},
+    norm_key("objective on the angle; default: two rows, to zero", Unit::angle),
     max_rate_key(Unit::turn)};
 inline constexpr ConfigKey occlusion_keys[] = {type_key, gain_key, frame_key,
     {"camera", Value::text, "frame of the camera", Unit::none, any, needed},
-    {"axis", Value::vector, "of length 1, on the camera; none: z"},
+    {"axis", Value::vector, "unit vector on the camera; default: z"},
     max_rate_key(Unit::turn), objective_key(Unit::angle)};
 inline constexpr ConfigKey frame_distance_keys[] = {type_key, gain_key, frame_key,
     {"point", Value::vector, "in the world", Unit::length, any, false, live},
     {"other_frame", Value::text, "or a frame of the robot"},
     max_rate_key(Unit::speed), objective_key(Unit::length)};
 inline constexpr ConfigKey center_of_mass_keys[] = {type_key, gain_key,
-    {"goal", Value::goal_point, "in the world; 'here': where it is at the start", Unit::length, any, needed, live},
-    {"axes", Value::axes, "that count; none: all"},
+    {"goal", Value::goal_point, "in the world; 'here': its position at the start", Unit::length, any, needed, live},
+    {"axes", Value::axes, "axes that are controlled; default: all"},
     max_rate_key(Unit::speed)};
 inline constexpr ConfigKey manipulability_keys[] = {type_key, gain_key, frame_key, joints_key,
     max_rate_key(Unit::none), objective_key(Unit::none)};
 inline constexpr ConfigKey clearance_keys[] = {type_key, gain_key, bodies_key, bulge_key,
-    {"obstacles", Value::sections, "in the world; their number stays", Unit::none, any, needed, live, &obstacle_section},
+    {"obstacles", Value::sections, "in the world; their number may not change", Unit::none, any, needed, live, &obstacle_section},
     max_rate_key(Unit::speed), objective_key(Unit::length)};
 inline constexpr ConfigKey self_clearance_keys[] = {type_key, gain_key, bodies_key, bulge_key,
-    {"pairs", Value::pairs, "of names of bodies", Unit::none, any, needed},
+    {"pairs", Value::pairs, "pairs of names of bodies", Unit::none, any, needed},
     max_rate_key(Unit::speed), objective_key(Unit::length)};
 inline constexpr ConfigKey minimality_keys[] = {
     type_key,
@@ -141,7 +141,7 @@ inline constexpr ConfigKey minimality_keys[] = {
 inline constexpr ConfigKey given_velocity_keys[] = {
     type_key,
     {"columns", Value::names, "'joints', 'base', or names of joints and of the base's columns", Unit::none, any, needed},
-    {"velocity", Value::numbers, "of each column; none: 0", Unit::none, any, false, live}};
+    {"velocity", Value::numbers, "of each column; default: 0", Unit::none, any, false, live}};
 
 /// All types of tasks; a section's name is the type.
 inline constexpr ConfigSection task_sections[] = {

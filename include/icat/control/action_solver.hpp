@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// Runs actions on a robot and solves for its velocity ẏ, one TPIK over all columns. What may be
-/// commanded of the answer is the controller's business (controller.hpp).
+/// Runs actions on a robot and solves for its velocity ẏ, one TPIK over all columns. The controller
+/// (controller.hpp) decides which part of it is commanded.
 ///
 /// Some columns may be *given*: roll and pitch of a vehicle that cannot control them, a joint whose
-/// motor died. Their measured velocity enters [Coop, Eq. (31)], and the others make up for it.
+/// motor failed. Their measured velocity enters [Coop, Eq. (31)], and the other columns compensate
+/// it.
 #pragma once
 
 #include "icat/control/given_tpik.hpp"

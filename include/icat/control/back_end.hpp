@@ -3,16 +3,17 @@
 /// A back-end moves a robot: a simulation, drives on a bus, an autopilot. It has three calls, and
 /// the caller owns the loop, the clock and the thread.
 ///
-/// - `read(time, state)` takes what has come until `time` and never waits. What has not come leaves
-///   the state as it was; `state.time` is when the oldest part of it was measured.
-/// - `write(time, command)`: the velocity ẏ from now on, until the next one.
-/// - `healthy(time)`: the robot can be trusted with a command. All parts of it are there, work, and
-///   were heard of lately.
+/// - `read(time, state)` takes the measurements that have arrived until `time` and never blocks. A
+/// part of the state without a new measurement stays as it was; `state.time` is the time at which
+/// the oldest part was measured.
+/// - `write(time, command)` commands the velocity ẏ, which holds until the next call.
+/// - `healthy(time)`: the robot can accept a command. All its parts are connected, work, and have
+/// reported lately.
 ///
-/// A cycle reads, asks whether all is well, steps the controller and writes what it commands. When
-/// the back-end is not healthy the caller stops the controller and goes on writing: a phase without
-/// action in the table of a mission does that (docs/hardware.md). What stops the robot when nobody
-/// writes any more is the back-end's own, and its documentation says how.
+/// A cycle reads, checks `healthy`, steps the controller and writes its command. When the back-end
+/// is not healthy the caller stops the controller and continues to write: a phase without action in
+/// the table of a mission does that (docs/hardware.md). Each back-end documents what stops the
+/// robot when the program no longer writes.
 #pragma once
 
 #include <concepts>
@@ -24,7 +25,7 @@
 
 namespace icat {
 
-/// What a back-end says of a robot of the type `R`.
+/// The state of a robot of the type `R`, as a back-end measures it.
 template <JointedRobot R>
 struct RobotState {
   /// Scalar type.

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// TPIK 2 of [MARIS, III-B9]: all columns of the base move as measured, and the joints make up for
-/// what the base does not track. For a joint loop that is faster than any solver it also comes as a
-/// law in the base's velocity [Coop, Eq. (24)]: q̇ = ρ̃ + P v.
+/// TPIK 2 of [MARIS, III-B9]: all columns of the base move as measured, and the joints compensate
+/// the tracking error of the base. For a joint loop that is faster than the solver it is also
+/// available as the arm law in the base's velocity [Coop, Eq. (24)]: q̇ = ρ̃ + P v.
 #pragma once
 
 #include <cmath>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// What the navigation said last of the base, carried forward to the present: the joints run faster
-/// than the navigation [MARIS, III-B9], and between its samples the base moves on.
+/// The last estimate of the base's pose and velocity, extrapolated to the present: the joints run
+/// faster than the navigation [MARIS, III-B9], and the base moves between its samples.
 ///
 ///     ⁰T_b(t) = ⁰T_b(t₀) exp(v (t − t₀))
 ///
@@ -20,9 +20,9 @@ namespace icat {
 template <class Scalar>
 class BaseState {
  public:
-  /// ⟨b⟩ in ⟨0⟩ and its twist (components on ⟨b⟩, m/s, rad/s) as they were at `stamp`, s. What is
-  /// not finite, no rotation, or faster than 1e6 (`implausible`) is refused: the sample before
-  /// stays, and gets old.
+  /// ⟨b⟩ in ⟨0⟩ and its twist (components on ⟨b⟩, m/s, rad/s) as they were at `stamp`, s. A sample
+  /// that is not finite, no rotation, or faster than 1e6 (`implausible`) is refused: the one before
+  /// stays, and its age grows.
   Status set(const Pose<Scalar>& pose, const Vector6<Scalar>& velocity, double stamp) noexcept {
     if (!detail::all_finite(pose.matrix()) || !detail::all_finite(velocity) ||
         !std::isfinite(stamp)) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// The velocities commanded of late, for whoever has to know where they lead.
+/// The velocities commanded recently, for the prediction of the motion that they cause.
 #pragma once
 
 #include <algorithm>

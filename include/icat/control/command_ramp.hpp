@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// Starting, stopping, and what happens on input that is refused: how much of what a solver answers
-/// is commanded.
+/// Starting, stopping, and refused input: the share of the solver's velocity that is commanded.
 ///
 ///     wanted = f · ((1 − s) · what was commanded when the ramp began + s · aim)
 ///
 /// s goes from 0 to 1; the aim is the solver's answer, or zero after `stop`. From rest that is s
 /// times the answer: the activations are all in place, so the order of priorities holds from the
 /// first cycle. f goes to 0 while input is refused for longer than `hold`, and back to 1. f is
-/// continuous, the answer is not: with the first input after a gap it steps from what it was before
-/// the gap to what is right now, and the command by f times that. After `hold` + `ramp` f is 0. To
-/// blend the two would command the old answer for longer; limits of acceleration bound the step.
+/// continuous, the answer is not: with the first input after a gap it jumps from its value before
+/// the gap to the present solution, and the command by f times this jump. After `hold` + `ramp` f
+/// is 0. Blending the two would command the old answer for longer; acceleration limits bound the
+/// jump.
 #pragma once
 
 #include <algorithm>
@@ -30,7 +30,7 @@ struct InputAge {
   double pose{0};      ///< of the base
 };
 
-/// What a controller does about time and about input that is missing, late or refused.
+/// Time limits of a controller for missing, late or refused input.
 struct TimeOptions {
   double max_step{0.1};  ///< longest period of the loop, s, > 0; see StepClock
   double hold{0.1};      ///< s, > 0: after so long a fault, and for inputs of this age, it stops

@@ -4,12 +4,12 @@
 /// all columns, within the robot's limits.
 ///
 /// Some columns may be *given*: roll and pitch of a vehicle that cannot control them, a joint whose
-/// motor died. Their measured velocity enters [Coop, Eq. (31)], the others make up for it, and they
-/// are never commanded.
+/// motor failed. Their measured velocity enters [Coop, Eq. (31)], the other columns compensate it,
+/// and they are never commanded.
 ///
 /// A cycle: tasks at the robot's state; the box of `MotionLimits`; the solver's answer within it;
 /// starting and stopping (command_ramp.hpp); the limits. The base is limited first, and the joints
-/// are solved for what it does.
+/// are solved for its limited velocity.
 #pragma once
 
 #include "icat/control/action_solver.hpp"
@@ -85,7 +85,8 @@ class Controller {
   Controller(R&&, const std::vector<Action<R>>&) = delete;
   Controller(R&&, const std::vector<Action<R>>&, Options) = delete;
 
-  /// Enters `action` at once, for a start in the middle of things. Time in s, on one clock.
+  /// Enters `action` at once, without a fade, for a robot that already moves. Time in s, on one
+  /// clock.
   Status start(std::string_view action, double time) noexcept {
     const Status status = solver_.start(action, time);
     if (status == Status::ok) ramp_.start();
@@ -94,8 +95,8 @@ class Controller {
   /// Moves to `action` over `duration` seconds. While the robot is controlled the activations move
   /// from what they are now; also in the middle of another transition, also back. From rest, before
   /// the first action or after `stop`, all activations are in place at once, and the whole command
-  /// fades in. To the action that runs or is being entered: nothing changes, so it may be said in
-  /// every cycle.
+  /// fades in. If `action` runs or is being entered nothing changes, so it may be called in every
+  /// cycle.
   Status switch_to(std::string_view action, double time, double duration) noexcept {
     if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
     const Status status =
@@ -103,16 +104,15 @@ class Controller {
     if (status == Status::ok) ramp_.resume(duration, limits_.command(), pending());
     return status;
   }
-  /// The command goes to zero over `duration` seconds, more slowly where limits of acceleration ask
-  /// for it, and stays there until `start` or `switch_to`. From any state.
+  /// The command goes to zero over `duration` seconds, more slowly if acceleration limits require
+  /// it, and stays there until `start` or `switch_to`. From any state.
   Status stop(double time, double duration) noexcept {
     if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
     const Status status = solver_.tick(time);
     if (status == Status::ok) ramp_.stop(duration, limits_.command(), pending());
     return status;
   }
-  /// From now on column `column` is given, or no more. The velocity changes at once, as the robot
-  /// did.
+  /// Makes column `column` given, or commanded again. The velocity changes at once.
   Status set_given(Index column, bool given) noexcept {
     if (column < 0 || column >= velocity_.size()) return Status::unknown_joint;
     if (solver_.given(column) != given) limits_.set_given(column, given);
@@ -123,7 +123,7 @@ class Controller {
   /// The column comes first.
   template <std::same_as<bool> B>
   Status set_given(B, bool) = delete;
-  /// The same for the joint of this name, such as one whose motor died.
+  /// The same for the joint of this name, such as one whose motor failed.
   Status set_given(std::string_view joint, bool given) noexcept requires JointedRobot<R> {
     return set_given(detail::column_of(solver_.robot(), joint), given);
   }
@@ -147,9 +147,9 @@ class Controller {
   const Velocity& velocity() const noexcept { return velocity_; }
   /// What goes to the back-end: ẏ with zeros in the given columns.
   const Velocity& command() const noexcept { return limits_.command(); }
-  /// ẏ that the solver answered, before starting, stopping and the limits.
+  /// ẏ of the solver, before starting, stopping and the limits.
   const Velocity& answer() const noexcept { return answer_; }
-  /// The limits bent the command away from what the solver answered.
+  /// The limits changed the command from the solver's velocity.
   bool limited() const noexcept { return limited_; }
   /// The box of this cycle and the last command.
   const MotionLimits<R>& limits() const noexcept { return limits_; }

@@ -6,15 +6,15 @@
 ///     velocity/<joint or column>    ẏ, as the controller has it
 ///     frame/<frame>                 pose in ⟨0⟩: the base, and the frames that are asked for
 ///     activation/<task>             the largest aⁱ aᵖ of its rows
-///     error/<task>                  ‖A (ẋ̄ − J ẏ)‖: the rate that it asks for and does not get
-///     task/<task>/<row>/reference   ẋ̄, J ẏ and aⁱ aᵖ of each row: three channels
-///     task/<task>/<row>/achieved
-///     task/<task>/<row>/activation
+///     error/<task>                  ‖A (ẋ̄ − J ẏ)‖: the part of the rate that is not achieved
+///     task/<task>/<row>/reference   ẋ̄ of each row
+///     task/<task>/<row>/achieved    J ẏ
+///     task/<task>/<row>/activation  aⁱ aᵖ
 ///     report/level <k>              ‖A (ẋ̄ − J ρ)‖ of the solver's level k, from 1
 ///     report/failed level           its number, 0: none
 ///
-/// where the ẏ of J ẏ has the base as it is measured, if a `ParallelController` makes up for it;
-/// with a prefix where a log has several robots. A task that stands twice in the unified hierarchy
+/// with a prefix where a log has several robots. In J ẏ the base moves as it is measured, where a
+/// `ParallelController` compensates for it. A task that stands twice in the unified hierarchy
 /// is called `<task> (2)` there. The error is one of rates, as every task has it; what it means in
 /// m or rad only the task knows: add a channel of your own for it.
 #pragma once

@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// Why is my task not met? For each task what it wants, what it gets, and who took the rest:
-/// `icat::explain(controller)`, or an `Explainer` in the loop.
+/// Why is my task not met? For each task the rate that it asks for, the rate that it gets, and the
+/// causes of the difference: `icat::explain(controller)`, or an `Explainer` in the loop.
 ///
-/// The loss of a task is what the command leaves of its reference, with its own activations aⁱ:
+/// The loss of a task is the part of its reference that the command does not achieve, with its own
+/// activations aⁱ:
 ///
 ///     l = aⁱ (ẋ̄ − J ẏ),     loss = ‖l‖
 ///
-/// To share it out, the cycle is solved again with one thing more each time, in the order of
-/// `LossCause`: the task alone, without regularization; with it; with its activations; with the
+/// To divide it into shares, the cycle is solved again with one cause more each time, in the order
+/// of `LossCause`: the task alone, without regularization; with it; with its activations; with the
 /// given columns; below the highest level; below the two highest, …; beside its equals; all levels;
 /// within the bounds; as commanded. With the rates ẋ₀ = ẋ̄, ẋ₁, …, ẋ_s = J ẏ of these solutions
 ///
 ///     share_i = (l / ‖l‖)ᵀ aⁱ (ẋ_{i−1} − ẋ_i),     Σ share_i = loss
 ///
-/// but for rounding, whatever the solutions are. Where two causes would take the same part each,
-/// the one that comes first has it. All of this is ours: [Coop] and [MARIS] order tasks and measure
-/// no losses.
+/// but for rounding, for any solutions. If two causes would explain the same part, it is assigned
+/// to the first. All of this is ours: [Coop] and [MARIS] order tasks and measure no losses.
 ///
 /// A task below K active levels costs K + 1 solutions, and at most four more; docs/explain.md has
 /// the times. The controller is read, never changed.

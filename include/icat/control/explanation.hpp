@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// What `explain` says of a task: how much it wants, how much it gets, and who took the rest, see
-/// explain.hpp. Ours; the papers measure no losses.
+/// The explanation of a task: the rate that it asks for, the rate that it gets, and the causes of
+/// the difference, see explain.hpp. Ours; the papers measure no losses.
 #pragma once
 
 #include <cstdint>
@@ -12,10 +12,10 @@
 
 namespace icat {
 
-/// What may take a part of a task's rate, in the order in which it is measured.
+/// Causes of a loss of a task's rate, in the order in which they are measured.
 enum class LossCause : std::uint8_t {
   singular,        ///< no velocity of the robot moves the rows that way
-  regularization,  ///< near that: a velocity would, but too fast a one
+  regularization,  ///< nearly so: only a very fast velocity does
   activation,      ///< of its own rows, between 0 and 1
   transition,      ///< its phase activation is between 0 and 1: an action is being entered or left
   given,           ///< columns that are not commanded, such as a joint whose motor died
@@ -33,7 +33,7 @@ enum class LossCause : std::uint8_t {
 /// Which limit a joint is at.
 enum class LimitKind : std::uint8_t { none, position, velocity, acceleration };
 
-/// How it stands with a task.
+/// The verdict on a task.
 enum class Verdict : std::uint8_t {
   off,      ///< not in the action that runs
   idle,     ///< no row is active: its objective holds
@@ -73,13 +73,13 @@ struct TaskExplanation {
   Index active_rows{0};        ///< with aⁱ > 0
   Scalar phase{0};             ///< aᵖ
   Verdict verdict{};           ///< in a word
-  bool alarm{false};           ///< somebody should look at it; what is normal is none
+  bool alarm{false};           ///< an operator should look at it
   Scalar wanted{0};            ///< ‖aⁱ ẋ̄‖
   Scalar achieved{0};          ///< ‖aⁱ J ẏ‖, ẏ as commanded and measured
   Scalar loss{0};              ///< ‖aⁱ (ẋ̄ − J ẏ)‖, the sum of the shares
   Scalar position_left{0};     ///< m, NaN: the task has no such error
   Scalar angle_left{0};        ///< rad, likewise
-  bool half_turn{false};       ///< it is at π to 0.01 rad: both ways round are as long
+  bool half_turn{false};       ///< the error is within 0.01 rad of π
   /// In the order of `LossCause`; a higher level each. They live as long as the `Explainer`.
   std::span<const LossShare<Scalar>> shares = {};
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// Explanations in words, for people. On plain data, so that one body serves all robots.
+/// Explanations as text. On plain data, so that one body serves all robots.
 #pragma once
 
 #include <cmath>

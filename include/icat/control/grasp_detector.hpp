@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// What the hand holds, from the currents, speeds and positions of its motors alone.
+/// Detects a grasp from the currents, speeds and positions of the hand's motors alone.
 ///
 /// [MARIS, III-A]: the hand motors' current is monitored to detect a successful grasp. No threshold
 /// is printed; the rules are ours. With the filtered current i and the angle θ of a motor that
@@ -15,10 +15,10 @@
 ///     more
 ///                current than allowed; readings that are none
 ///
-/// Worm gears hold without current, so holding says nothing: every `squeeze_period` the motors
-/// close again for a moment, a test squeeze. What no motor can tell: a pipe that slides along
-/// itself and has not left the hand yet, and a motor that jams on its way from one that holds
-/// something.
+/// Worm gears hold without current, so the currents carry no information while the hand holds:
+/// every `squeeze_period` the motors close again for a moment, a test squeeze. Not detectable: a
+/// pipe that slides along its axis and has not left the hand yet, and a motor that jams on its way,
+/// which looks like a grasp.
 ///
 ///     open ── preshape, open ──> moving ──> open
 ///     open ── close ──> moving ──> grasped ──> slipped        any ──> fault
@@ -71,7 +71,7 @@ struct GraspDetectorOptions {
   double max_step = 0.2;                            ///< longest period of `step`
 };
 
-/// Drives the hand's motors and says what it holds. Construction throws, nothing allocates.
+/// Commands the hand's motors and detects grasps. Construction throws, nothing allocates.
 template <class ScalarType>
 class GraspDetector {
  public:

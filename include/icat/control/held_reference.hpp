@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// A reference on the side of its reader: v̄ at the vehicle's velocity loop, q̇ at the drives of the
-/// arm, which run faster than what computes it [MARIS, III-B9]. The newest one is held. What
-/// happens when none comes any more is ours: one that is older than `hold` goes to zero over
-/// `ramp`, and comes back over `ramp` (command_ramp.hpp). The first comes in over `ramp`, too.
+/// Holds the newest reference for the loop that follows it: v̄ for the vehicle's velocity loop, q̇
+/// for the drives of the arm, which run faster than the controller [MARIS, III-B9]. The time-out is
+/// ours: a reference that is older than `hold` goes to zero over `ramp`, and returns over `ramp`
+/// (command_ramp.hpp). The first one fades in over `ramp`, too.
 #pragma once
 
 #include "icat/control/command_ramp.hpp"
@@ -28,8 +28,8 @@ class HeldReference {
         held_(detail::zeros<VectorN>(size)),
         value_(held_) {}
 
-  /// A new reference. What is not finite or of another size is refused: the one before stays, and
-  /// gets old.
+  /// A new reference. A value that is not finite or of another size is refused: the one before
+  /// stays, and its age grows.
   Status set(const VectorN& reference) noexcept {
     if (reference.size() != held_.size()) return Status::wrong_size;
     if (!detail::all_finite(reference)) return Status::non_finite;
@@ -51,7 +51,7 @@ class HeldReference {
     detail::copy(ramp_.wanted(held_), value_);
     return status;
   }
-  /// What to follow.
+  /// The reference to follow.
   const VectorN& value() const noexcept { return value_; }
   /// Of the reference, s; infinite before the first.
   double age() const noexcept { return age_; }

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// Memory for what a loop did: channels of numbers by name, one sample a cycle, and texts with
-/// their times. All of it is reserved at configuration; recording allocates, locks and writes
+/// Records a control loop in memory: named channels of numbers, one sample per cycle, and texts
+/// with their times. All of it is reserved at configuration; recording allocates, locks and writes
 /// nothing. Files are written afterwards: adapters/csv.hpp, adapters/mcap.hpp, adapters/replay.hpp;
 /// a page that follows the loop is adapters/live.hpp.
 ///
-/// A channel's name is a path, `velocity/elbow`: what stands before the last `/` is its group, and
-/// a group is drawn in one picture. controller_log.hpp adds the channels of a robot and its tasks.
+/// A channel's name is a path, `velocity/elbow`: the part before the last `/` is its group, and a
+/// group is drawn in one plot. controller_log.hpp adds the channels of a robot and its tasks.
 #pragma once
 
 #include <cmath>
@@ -40,7 +40,7 @@ enum class LogTopic {
   explanation  ///< why the robot moves as it does; holds until the next one
 };
 
-/// Which samples stay where there are more than the memory holds.
+/// Which samples are kept when the memory is full.
 enum class LogFull {
   stop,   ///< the first ones: recording stops
   newest  ///< the last ones: each new sample takes the place of the oldest
@@ -185,7 +185,7 @@ class Log {
 
   /// Samples that it has, the oldest first.
   std::size_t size() const noexcept { return size_; }
-  /// Samples that found no place, or whose place a newer one took.
+  /// Samples that were not kept: the memory was full, or a newer one replaced them.
   std::size_t lost() const noexcept { return lost_; }
   /// Samples that `begin` refused because of their time.
   std::size_t refused() const noexcept { return refused_; }
@@ -193,7 +193,7 @@ class Log {
   double time(std::size_t i) const noexcept { return times_[place(i)]; }
   /// Texts that it has, in the order they came.
   std::size_t text_count() const noexcept { return text_count_; }
-  /// Texts that found no place.
+  /// Texts that were not kept: the memory was full.
   std::size_t texts_lost() const noexcept { return texts_lost_; }
   /// Text `i` < text_count().
   Text text(std::size_t i) const noexcept {

@@ -4,20 +4,20 @@
 /// shape motion; these bound it.
 ///
 /// Each cycle they become a box [l, u] for the velocity. With T the reaction time of the loop, a
-/// the limit of acceleration, dt the step and d the way to the upper limit of position, what can
-/// still brake in time is
+/// the limit of acceleration, dt the step and d the way to the upper limit of position, the
+/// velocities that can still brake in time are
 ///
 ///     v T + v² / 2a ≤ d        v ≤ 2d / (T + √(T² + 2d/a)),     d/T without a limit of
 ///     acceleration
 ///
-/// within the limits of velocity, and within the last command ± a dt. If it holds once it holds
-/// ever after: braking as hard as a allows keeps it (docs/safety.md). The state that is given may
-/// be late by anything up to T − dt; so d is taken from the farthest point to which the own
-/// commands of that time can have led from it.
+/// within the limits of velocity, and within the last command ± a dt. If it holds once it can be
+/// kept for ever, by braking with a (docs/safety.md). The given state may be late by any time up to
+/// T − dt; so d is measured from the farthest point to which the commands of that time can have
+/// led.
 ///
-/// The command is the farthest point of the box on the line from the last command, brought into the
-/// box, to what is wanted. The base and the joints have a scale each; a component that must brake
-/// is brought in alone.
+/// The command is the farthest point in the box on the line from the last command, moved into the
+/// box, to the desired velocity. The base and the joints have separate scales; a component that
+/// must brake is limited separately.
 #pragma once
 
 #include <algorithm>
@@ -110,9 +110,9 @@ class MotionLimits {
     box(false, cycle);
   }
 
-  /// Bounds for a solver, which always hold 0: position and velocity of the joints. What the last
-  /// command leaves of them is no business of a solver's: a joint that cannot turn round at once
-  /// would stop the whole level. Neither are the base's limits: a slow base must not slow the arm.
+  /// Bounds for a solver, which always hold 0: position and velocity of the joints. They exclude
+  /// the acceleration limits: a joint that cannot reverse at once would stop the whole level. They
+  /// exclude the base's limits, too: a slow base must not slow the arm.
   const VelocityBounds<Scalar, R::size>& bounds() const noexcept { return bounds_; }
   /// l, n.
   const Velocity& lower() const noexcept { return lower_; }

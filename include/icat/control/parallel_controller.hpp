@@ -2,8 +2,8 @@
 /// @file
 /// Base and joints coordinated in parallel [MARIS, III-B9], [Coop, III-G]: TPIK 1 over all columns,
 /// of which only the base's velocity is kept; TPIK 2 with the base's velocity as measured, of which
-/// only the joints' is kept: they make up for what the base does not track. Each may run at its own
-/// rate, and TPIK 2 also comes as a law, see base_compensation.hpp.
+/// only the joints' is kept: they compensate the tracking error of the base. Each may run at its
+/// own rate, and TPIK 2 is also available as the arm law, see base_compensation.hpp.
 #pragma once
 
 #include "icat/control/base_compensation.hpp"

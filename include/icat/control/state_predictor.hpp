@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// A state that arrives late, carried forward by the commands given since it was true.
+/// Extrapolates a late state by the commands given since it was measured.
 ///
-/// A feedback of gain g on a state that is τ seconds old oscillates for g τ > π/2 and rings from
-/// g τ > 1/e on; at the edge of a joint's range g is the speed over the margin, some 10 to 30 1/s,
-/// so 50 ms are too many. Carried forward the state is fresh again, as far as the robot does what
-/// it is told: the loop's gain stays what its period allows. The delay may be wrong by some 20 %
-/// (docs/safety.md).
+/// A feedback of gain g on a state that is τ seconds old is unstable for g τ > π/2 and oscillates
+/// for g τ > 1/e; near a joint limit g is the speed divided by the margin, some 10 to 30 1/s, so 50
+/// ms are too long. The extrapolated state has no delay, if the robot follows its commands: only
+/// the period limits the loop's gain. The delay may be wrong by some 20 % (docs/safety.md).
 ///
 ///     q(t) = q(t − τ) + ∫ q̇ dt,     ⁰T_b(t) = ⁰T_b(t − τ) Π exp(B v dt)
 #pragma once

@@ -5,21 +5,21 @@
 ///
 ///     w = B f,   column i of B: [dᵢ; pᵢ × dᵢ],   fᵢ in [minimumᵢ, maximumᵢ]
 ///
-/// Groups of components of w come one after the other. S is what a group may still get: the values
-/// of its components over all thrusts within limits that give the groups before it what they got.
-/// It gets s r, r its request, s the largest factor in [0, 1] with s r in S. Thrusts that the
-/// groups before have not chosen yet, their whole null space, are part of S. The half-spaces of S
-/// are listed when the layout changes (zonotope.hpp), so that the linear program s = max is one
-/// pass. Among all thrusts that give what all groups got, the shortest vector is taken
-/// (bounded_least_norm.hpp). [MARIS] prints the scheme and neither formulas nor a geometry.
+/// Groups of components of w are allocated one after the other. S is the set of values that a group
+/// can take, over all thrusts within limits that keep the values of the groups before it. It gets s
+/// r, r its request, s the largest factor in [0, 1] with s r in S. S includes the whole null space
+/// of the groups before. The half-spaces of S are listed when the layout changes (zonotope.hpp), so
+/// that the linear program s = max is one pass. Among all thrusts that give the allocated values,
+/// the vector of least norm is chosen (bounded_least_norm.hpp). [MARIS] prints the scheme and
+/// neither formulas nor a geometry.
 ///
-/// Continuity. S changes continuously with what the groups before got. If 0 is inside S, then so
-/// does s. But where S is flat or does not hold 0, the largest factor jumps (to 0, where the
-/// request turns out of a flat S), as when yaw takes all it can get and force comes with it. So
-/// there the components are served one after the other, each as near to its request as it can be,
-/// which is continuous; with λ = Sat₀₁(20 depth/width) the group gets λ times the former plus 1 − λ
-/// times the latter. Depth is the distance from 0 to the nearest facet of S, width its largest
-/// extent; components are measured by the most that the thrusters can do.
+/// Continuity. S changes continuously with the values of the groups before. If 0 is inside S, then
+/// so does s. But where S is flat or does not contain 0, the largest factor jumps (to 0, if the
+/// request leaves a flat S), for example when the largest yaw moment also causes a force. So there
+/// the components are allocated one after the other, each as near to its request as possible, which
+/// is continuous; with λ = Sat₀₁(20 depth/width) the group gets λ times the former plus 1 − λ times
+/// the latter. Depth is the distance from 0 to the nearest facet of S, width its largest extent;
+/// components are measured by the most that the thrusters can do.
 #pragma once
 
 #include <algorithm>
@@ -43,7 +43,7 @@ enum class WrenchComponent { surge, sway, heave, roll, pitch, yaw };
 using WrenchPriority = std::vector<std::vector<WrenchComponent>>;
 
 /// The order of [MARIS, III-D]: yaw, then surge and sway, then heave, which has thrusters of its
-/// own. Roll and pitch are not controlled: whatever comes with the others is accepted.
+/// own. Roll and pitch are not controlled: the moments that the other groups cause are accepted.
 [[gnu::cold]] inline WrenchPriority torque_before_force() {
   return {{WrenchComponent::yaw},
           {WrenchComponent::surge, WrenchComponent::sway},
@@ -124,8 +124,8 @@ class ThrusterAllocation {
     return status;
   }
 
-  /// From now on a thruster gives nothing, and the others take over: thrusts for the last request
-  /// are computed anew. `out_of_range` if there is none of this index. No allocation; it takes far
+  /// From now on a thruster gives no thrust, and the others take over: thrusts for the last request
+  /// are computed again. `out_of_range` if there is none of this index. No allocation; it takes far
   /// longer than `allocate` (the table in docs/vehicle.md).
   Status fail(Index thruster) noexcept { return set_limits(thruster, false); }
   /// It works again, as `fail`.

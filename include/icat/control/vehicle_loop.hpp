@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// From a velocity of a vehicle to a wrench: a PI loop for each component with feed-forward
+/// The velocity loop of a vehicle: a PI loop for each component of the wrench, with feed-forward
 /// [MARIS, III-C]. The paper prints neither equations nor gains; these are ours.
 ///
 /// A model of the vehicle follows the reference r as a first-order lag, and the vehicle follows the
@@ -18,13 +18,12 @@
 ///
 /// A component that is not controlled counts in w as measured.
 ///
-/// Anti-windup. Thrusters give u* instead of u, and the model goes only where that takes it:
+/// Anti-windup. Thrusters achieve u* instead of u, and the model moves only by u*:
 ///
 ///     d/dt ṽ = ã − (u − u*) / m
 ///
 /// For a vehicle that differs from the model by a force d, the error e = ṽ − v then obeys
-/// m ė = −2 m ω e − s − d whatever the thrusters do: s goes to −d, and saturation never winds it
-/// up.
+/// m ė = −2 m ω e − s − d for any u*: s goes to −d, and does not wind up in saturation.
 #pragma once
 
 #include <algorithm>
@@ -82,8 +81,8 @@ class VehicleLoop {
     ramp_.start();
   }
 
-  /// The vehicle is another one from now on, such as one that has taken a payload; gains follow,
-  /// model and integral go on. Not for the control step.
+  /// Changes the vehicle's model, such as for a payload; gains follow, model state and integral
+  /// continue. Not for the control step.
   /// @throws std::invalid_argument on a bad body, and changes nothing then.
   [[gnu::cold]] void set_body(const RigidBody<Scalar>& body) {
     const detail::Body<Scalar> checked_body(owner, "the vehicle", body);
@@ -119,8 +118,8 @@ class VehicleLoop {
     return achieved(wrench_) == Status::ok ? status : Status::numerical_failure;
   }
 
-  /// What the thrusters gave of the last wrench, as `ThrusterAllocation::achieved`; if it is not
-  /// told, all. NaN or infinity: refused, all is taken to be given.
+  /// The part of the last wrench that the thrusters achieved, see `ThrusterAllocation::achieved`;
+  /// without a call, all of it. NaN or infinity: refused, all of it counts as achieved.
   Status achieved(const Vector6& wrench) noexcept {
     const bool finite = wrench.allFinite();
     for (Index i = 0; i < 6; ++i) {
@@ -133,7 +132,7 @@ class VehicleLoop {
   const Vector6& wrench() const noexcept { return wrench_; }
   /// ṽ: where the vehicle should be on its way to the reference; m/s, rad/s.
   const Vector6& model_velocity() const noexcept { return model_; }
-  /// s: what the model does not explain, N and N m.
+  /// s, the integral part: the wrench that the model does not contain, N and N m.
   const Vector6& integral() const noexcept { return loop_.integral(); }
 
  private:

@@ -6,10 +6,10 @@
 ///
 ///     w = C (V − V₀)                                           calibration, C 6 × N
 ///     C = (Σ w_k x_kᵀ) (Σ x_k x_kᵀ)⁻¹,  x_k = V_k − V₀         least squares over samples w_k, V_k
-///     w_ext = w − w₀ − [(m − m_d) g; (m c − m_d c_b) × g]      what is left is not the hand itself
+///     w_ext = w − w₀ − [(m − m_d) g; (m c − m_d c_b) × g]      without the hand itself
 ///
-/// m, c: mass and centre of mass of what hangs on the sensor, m_d, c_b: mass and centre of the
-/// water that it displaces, g on ⟨s⟩; in air m_d = 0. w₀ is the drift that `tare` takes off.
+/// m, c: mass and centre of mass of the load on the sensor (the hand), m_d, c_b: mass and centre of
+/// the water that it displaces, g on ⟨s⟩; in air m_d = 0. w₀ is the drift that `tare` takes off.
 #pragma once
 
 #include <algorithm>
@@ -192,8 +192,8 @@ class WristWrench {
     }
     return Status::ok;
   }
-  /// The hand hangs free now: what the last update left is drift. A mean over some updates is
-  /// better: `tare(mean)`.
+  /// Call it while the hand hangs free: the wrench of the last update is drift. A mean over some
+  /// updates is better: `tare(mean)`.
   void tare() noexcept { offset_ = rest_; }
   /// w₀, [N; N m]. Refused where it is not finite.
   Status tare(const Vector6<Scalar>& offset) noexcept {

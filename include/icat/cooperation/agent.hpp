@@ -9,12 +9,13 @@
 ///
 /// with components on ⟨t⟩, the frame of the shared tasks. In the second hierarchy the tool task is
 /// on top instead of in its place; where an action begins or ends to be shared, one fades in while
-/// the other fades out. What the base of a `MobileRobot` does not track its joints may make up for,
-/// see control/base_compensation.hpp [Coop, IV-D].
+/// the other fades out. The joints of a `MobileRobot` may compensate the tracking error of its
+/// base, see control/base_compensation.hpp [Coop, IV-D].
 ///
 /// Limits come before the agreement: an agent proposes what its own box of `MotionLimits` allows.
-/// Where the box still cuts what was agreed on, the tool moves otherwise than agreed: `cut` says by
-/// how much, and the next proposals are as slow. Give the tool tasks rates that leave room.
+/// If the box still reduces the agreed velocity, the tool does not move as agreed: `cut` says by
+/// how much, and the next proposals are as slow. Choose maximum rates of the tool tasks well below
+/// the limits.
 #pragma once
 
 #include <algorithm>
@@ -32,13 +33,13 @@
 
 namespace icat {
 
-/// An action in which the tool's velocity is agreed on, and its task that says where the object is
-/// to go. Refers to a task of the caller's.
+/// An action with an agreed tool velocity, and its task with the goal of the object. Refers to a
+/// task of the caller's.
 template <FramedRobot R>
 struct SharedAction {
   /// Name of the action.
   std::string action;
-  /// The task that the agreed velocity stands in for; its frame is ⟨t⟩.
+  /// The task that the agreed velocity replaces; its frame is ⟨t⟩.
   std::reference_wrapper<task::FramePose<R>> tool;
 };
 
@@ -72,7 +73,7 @@ class Agent {
   struct Options {
     /// As of a controller: given columns, both hierarchies, limits, late and bad input.
     typename Controller<R, Regularization>::Options controller{};
-    /// The joints make up for what the base does not track; for a `MobileRobot` only.
+    /// The joints compensate the tracking error of the base; for a `MobileRobot` only.
     bool compensation{false};
     /// Of the exchange.
     AgreementOptions<Scalar> agreement{};
@@ -133,7 +134,7 @@ class Agent {
     return second_.start(action, time);
   }
   /// As `Controller::switch_to`. A refusal changes nothing. In a fade from rest the tool follows
-  /// what is agreed on from the first cycle; what else the robot does fades in.
+  /// the agreed velocity from the first cycle; the other tasks fade in.
   Status switch_to(std::string_view action, double time, double duration) noexcept {
     if (!(duration > 0.0) || !std::isfinite(duration)) return Status::invalid_duration;
     const bool runs = !ramp_.rests();
@@ -155,8 +156,8 @@ class Agent {
     return status;
   }
 
-  /// Step 1; given columns as in `Controller::step`. Bad input as in `Controller::step`; on it the
-  /// last proposal is withdrawn: there is nothing to send until a better one comes.
+  /// Step 1; given columns as in `Controller::step`. Bad input as in `Controller::step`; then the
+  /// last proposal is withdrawn: there is nothing to send until the next valid one.
   Status propose(double time, InputAge age = {}) noexcept { return propose(time, nullptr, age); }
   /// The same with the velocity that is measured, n; its given columns count.
   Status propose(double time, const Velocity& measured, InputAge age = {}) noexcept {

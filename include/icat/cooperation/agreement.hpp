@@ -1,45 +1,46 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// One agent's side of the exchange [Coop, IV-B]: what it said, what it heard, what was agreed on,
-/// and what to do when nothing is heard.
+/// One agent's side of the exchange [Coop, IV-B]: its proposals, the received ones, the agreed
+/// velocity, and the fallback without messages.
 ///
 /// Messages belong to rounds, numbered by the caller: control cycles on a fast channel, pairs of
 /// slots on a half-duplex one. The number is no part of the message; it follows from the schedule,
-/// or from the modem's own header. A round in which all were heard yields the velocity agreed on.
-/// Every agent fuses the same float32 numbers, its own included, in the same order, so all come to
-/// the same bits. A message that is lost, late or doubled spoils its own round only.
+/// or from the modem's own header. A round in which all messages have arrived yields the agreed
+/// velocity. Every agent fuses the same float32 numbers, its own included, in the same order, so
+/// all results agree in every bit. A lost, late or doubled message affects only its own round.
 ///
 /// The velocity is held until the next round; after `hold` seconds without one the agent falls
 /// back. Between agreed and fallen back the velocity fades, in either direction. An agent cannot
-/// know that the others do not hear it: choose a `hold` after which the object may be in danger.
+/// know whether its own messages arrive: choose `hold` shorter than the time that the object can
+/// wait.
 ///
 /// **Rounds.** The last round this agent sent is its own round. Messages up to `ahead` rounds
 /// ahead of it and less than `open_rounds` behind it count, others are refused. Its own count is
-/// the caller's, who may set it back or move it on at any time. Where no schedule says the number,
-/// `next_round` does: one more than the last, or a later one that another agent has begun. Who is
-/// behind follows who is ahead, never the other way round, so two that have lost each other meet:
-/// an agent far behind follows once it has heard `open_rounds` messages of one sender that count
-/// up out of its reach, so a few wrong numbers do nothing.
+/// the caller's, who may set it back or move it on at any time. If no schedule gives the number,
+/// `next_round` does: one more than the last, or a later one that another agent has begun. An agent
+/// that is behind follows the one that is ahead, never the other way round, so both reach the same
+/// round: an agent far behind follows after `open_rounds` messages of one sender that are out of
+/// its range and count up, so a few wrong numbers have no effect.
 ///
-/// **Latest.** On a half-duplex channel the agents speak in turns, so their proposals of one round
+/// **Latest.** On a half-duplex channel the agents send in turns, so their proposals of one round
 /// belong to different instants [Coop, V-B]. With the option `latest` an agent does not wait for a
 /// round to be complete: in every `update` it fuses its own present proposal with the last one it
-/// heard of each of the others. The velocity is up to date, but the agents come to different bits,
-/// and the object takes up the difference. It is held while each of the others is heard again
-/// within `hold`.
+/// heard of each of the others. The velocity has no delay, but the agents' velocities differ, and
+/// the difference loads the object. It is held while each of the others is heard again within
+/// `hold`.
 ///
-/// **Pace** (beyond the paper, an option). All agents follow the velocity agreed on, or the object
-/// is torn. Each says with its proposal which fraction of it the agent can follow, 1 as long as it
-/// can, and
+/// **Pace** (beyond the paper, an option). If one agent does not follow the agreed velocity, the
+/// grippers pull the object apart. Each agent sends with its proposal the fraction of it that it
+/// can follow, 1 as long as it can, and
 ///
 ///     ẋ̂_t = f(ẋ_1, …, ẋ_N) min_i pace_i
 ///
-/// Told that an agent could follow only a fraction c of ẋ̂_t, `achieved` makes its pace c times the
-/// one that was agreed on. From then on it is tried with each round whether more is possible, in
-/// steps of 1 / `pace_steps` that double while all goes well up to `recovery`. With f and c steady,
-/// and d rounds until the others hear of it, the tools differ by (1 − c)‖ẋ̂_t‖ for d rounds, and
-/// later by d `recovery` ‖f‖ at most. It is off by default because it is said in bits that the
-/// plain message has for its numbers (message.hpp): who speaks the plain one would be misread.
+/// If an agent could follow only a fraction c of ẋ̂_t, `achieved` makes its pace c times the agreed
+/// one. Each later round that is followed in full raises the pace, in steps of 1 / `pace_steps`
+/// that double up to `recovery`. With f and c steady, and d rounds until the others receive it, the
+/// tools differ by (1 − c)‖ẋ̂_t‖ for d rounds, and later by d `recovery` ‖f‖ at most. It is off by
+/// default because the pace takes bits of the numbers of the plain message (message.hpp): plain
+/// messages would be misread.
 #pragma once
 
 #include <algorithm>
@@ -87,7 +88,7 @@ class Agreement {
     said.template head<6>() = velocity;
     if (policy_.difficulties) {
       said(6) = (desired - velocity).norm();
-      // A goal far away is nothing to be refused for: it weighs as much as one can.
+      // A distant goal is no fault: its difficulty is reduced to the limit.
       if (std::isfinite(said(6)) && said(6) > max_difficulty()) said(6) = max_difficulty();
     }
     if (options_.spans) {
@@ -103,11 +104,11 @@ class Agreement {
     return status;
   }
 
-  /// What became of the tool velocity that step 3 `asked` for: `velocity` is what the limits of
-  /// this robot left of it, both on ⟨t⟩. To be called once after each `update`; without it the pace
-  /// stays. What was lost of the linear or the angular speed along `asked` makes the agent slow
-  /// down all the others, see the file comment; less than 1e-5 m/s or rad/s, or 1e-4 of it, is
-  /// rounding. NaN or infinity: refused, the pace stays.
+  /// The tool velocity `asked` for by step 3, and the tool `velocity` within the limits of this
+  /// robot, both on ⟨t⟩. To be called once after each `update`; without it the pace stays. What was
+  /// lost of the linear or the angular speed along `asked` makes the agent slow down all the
+  /// others, see the file comment; less than 1e-5 m/s or rad/s, or 1e-4 of it, is rounding. NaN or
+  /// infinity: refused, the pace stays.
   Status achieved(const Vector6<Scalar>& asked, const Vector6<Scalar>& velocity) noexcept {
     if (!asked.allFinite() || !velocity.allFinite()) return Status::non_finite;
     if (!agreed_ || !options_.pace) return Status::ok;
@@ -212,7 +213,7 @@ class Agreement {
   const Vector6<Scalar>& velocity() const noexcept { return velocity_; }
   /// There is an agreement that is not too old; otherwise the agent falls back.
   bool agreed() const noexcept { return agreed_; }
-  /// Which fraction of the velocity agreed on this agent says it can follow, 0 … 1.
+  /// The fraction of the agreed velocity that this agent can follow, 0 … 1.
   double pace() const noexcept { return pace_; }
   /// The smallest that was said, the one in `velocity`, 0 … 1.
   double agreed_pace() const noexcept { return commanded_pace_; }

@@ -10,8 +10,8 @@
 ///
 /// `a` = 1 starts the iteration from the projector onto ker(G); between 0 and 1 the grasp's
 /// constraint fades. The robots' hierarchies are merged level by level. It needs all states in one
-/// place, which no acoustic modem can provide; it is here to be compared with, knows no limits but
-/// the solver's bounds, and takes rows in metres as they are.
+/// place, which no acoustic modem can provide. It serves as a baseline for comparison, has no
+/// limits but the solver's bounds, and does not scale rows in metres.
 #pragma once
 
 #include <vector>

@@ -8,10 +8,9 @@
 ///     difficulty-weighted   w_i ∝ ‖ẋ̄ − ẋ_i‖                    for who is hindered most
 ///     no faster than the slowest                               any of these, with a bound
 ///
-/// All agents must come to the same numbers, so a policy may depend on nothing but what was sent.
-/// Each agent's ẋ̄ is its own: it differs by the gain times what the tools have drifted apart, and
-/// weights that differ with it make that drift grow. So the difficulty is sent too where a policy
-/// needs it, one number more.
+/// All agents must compute the same numbers, so a policy may depend only on the sent numbers. The
+/// agents' ẋ̄ differ, by the gain times the drift between the tools, and weights that depend on
+/// them increase this drift. So the difficulty is sent too if a policy needs it, one number more.
 ///
 /// **Spans** (beyond the paper, which leaves it as future work [Coop, IV-B]). Agent i can reach the
 /// tool velocities ẋ_i + range(T_i) without disturbing what has priority over its tool task, where
@@ -110,9 +109,9 @@ FusionPolicy<Scalar> difficulty_weighted(Scalar even = Scalar(1e-3)) {
 }
 
 /// What `policy` says, its linear and its angular velocity each no faster than the slowest of the
-/// proposals; where all propose the same it changes nothing. It knows no difference between an
-/// agent that cannot and one that need not: a robot that is where it is to be holds back one that
-/// must give way. Spans are looked at afterwards, and may make it faster again. Allocates.
+/// proposals; where all propose the same it changes nothing. It does not distinguish an agent that
+/// cannot move faster from one that need not: a robot at its goal holds back one that must give
+/// way. Spans are applied afterwards, and may make it faster again. Allocates.
 template <class Scalar>
 FusionPolicy<Scalar> no_faster_than_slowest(FusionPolicy<Scalar> policy = mean<Scalar>()) {
   const auto speed = [](const Vector6<Scalar>& v, Index part) {

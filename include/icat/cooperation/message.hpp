@@ -3,12 +3,11 @@
 /// What agents send each other: float32 numbers, little-endian, nothing else. A tool velocity is 6
 /// of them, 192 bits [Coop, IV-B]; with the span of the tool task 36 more, 1344 bits.
 ///
-/// There is no header and no checksum: framing and integrity are the modem's.
+/// There is no header and no checksum: the modem must provide framing and integrity.
 ///
 /// The **pace** of an agent, the fraction of the agreed velocity that it can follow (see
-/// agreement.hpp), needs no number of its own: the two lowest bits of the six numbers of a tool
-/// velocity are its twelve. What they said before is cut
-/// off: 22 of 24 bits are left, an error below 5e-7 of the number.
+/// agreement.hpp), is sent in the two lowest bits of each of the six numbers of a tool velocity,
+/// twelve bits in all. The numbers keep 22 of 24 bits, with an error below 5e-7 of the number.
 #pragma once
 
 #include <bit>

@@ -2,10 +2,10 @@
 /// @file
 /// Errors of construction and configuration: `std::invalid_argument` with names and numbers. Where
 /// a program is compiled without exceptions (`-fno-exceptions`), the same text goes to the handler
-/// of `set_error_handler`, and the program ends. Compile the whole program one way: the linker
-/// keeps one version of each function of a header.
+/// of `set_error_handler`, and the program ends. Compile the whole program with the same setting:
+/// the linker keeps one version of each function of a header.
 ///
-/// Control steps do neither: they answer with a `Status`.
+/// Control steps do neither: they return a `Status`.
 #pragma once
 
 #include <cstdio>

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
 /// A list for the library's own data. `std::vector` does the same, but each type of its elements
-/// costs a compiler ten times as much (docs/benchmarks.md bounds what a user's file costs).
+/// takes a compiler ten times as long (docs/benchmarks.md bounds the compile time of user
+/// programs).
 #pragma once
 
 #include <cstddef>

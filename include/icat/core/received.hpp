@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// The last value that came from outside, and when: what is lost, late or damaged on the way leaves
-/// the value before, whose age says so.
+/// The last value received from outside, and its time of arrival. If an input is lost, late or
+/// damaged, the value before stays, and its age grows.
 #pragma once
 
 #include <cmath>
@@ -26,8 +26,8 @@ struct Received {
   }
   /// s at `now`; infinite before the first value.
   double age(double now) const noexcept { return now - time; }
-  /// Whether there is a value at most `limit` away from `now`, s: one from after `now`, which a clock
-  /// that was set back leaves, is as doubtful as an old one. False where either is NaN.
+  /// Whether the time of arrival differs from `now` by at most `limit`, s: after a clock was set
+  /// back a value from after `now` is as doubtful as an old one. False where either is NaN.
   bool fresh(double now, double limit) const noexcept { return std::abs(age(now)) <= limit; }
 };
 

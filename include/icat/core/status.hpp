@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// What a control step answers. Steps never throw; construction and configuration do (error.hpp).
+/// The result of a control step. Steps never throw; construction and configuration do (error.hpp).
 #pragma once
 
 namespace icat {
 
-/// Outcome of a control-step function. Anything but `ok` means: the input was refused, and what the
-/// object holds is what it held before, finite and inside its bounds.
+/// Outcome of a control-step function. Anything but `ok` means: the input was refused, and the
+/// object keeps its previous values, finite and inside its bounds.
 enum class [[nodiscard]] Status{
     ok,
     non_finite,               ///< NaN or infinity in the input
     wrong_size,               ///< rows or columns do not match
     activation_out_of_range,  ///< an activation outside [0, 1]
     out_of_range,             ///< a setting outside its range
-    not_a_rotation,           ///< a rotation matrix that is none
+    not_a_rotation,           ///< a matrix that is no rotation
     numerical_failure,        ///< finite input, but its products overflow the scalar type
     time_reversed,            ///< the caller's time is before the previous one
     invalid_duration,         ///< a transition must take a finite time > 0
@@ -27,14 +27,14 @@ enum class [[nodiscard]] Status{
     stale_pose,               ///< the base's pose is older than `hold`
     stale_velocity,           ///< the measured velocity is older than `hold`
     stale_reference,          ///< the reference that is to be followed is older than `hold`
-    missing_velocity,  ///< a given column of the base, or one that is made up for, was not measured
-    implausible_position,  ///< a joint is further outside its range than the range is wide
-    round_out_of_range,    ///< a message of a round too far from this agent's own
-    implausible,           ///< finite numbers that no robot that works could have meant
-    outlier,               ///< a measurement too far from the estimate
-    late_measurement,      ///< a measurement older than the history that is kept
-    not_measured,          ///< the sensor says itself that it has nothing
-    not_sent,              ///< a bus or middleware did not take the command
+    missing_velocity,         ///< a given or compensated column of the base was not measured
+    implausible_position,     ///< a joint is further outside its range than the range is wide
+    round_out_of_range,       ///< a message of a round too far from this agent's own
+    implausible,              ///< finite numbers beyond those of any working robot
+    outlier,                  ///< a measurement too far from the estimate
+    late_measurement,         ///< a measurement older than the history that is kept
+    not_measured,             ///< the sensor reports that it has no measurement
+    not_sent,                 ///< a bus or middleware did not take the command
 };
 
 /// One line for a log. No allocation.
@@ -85,7 +85,7 @@ constexpr const char* describe(Status status) noexcept {
     case Status::round_out_of_range:
       return "a round too far from this agent's own";
     case Status::implausible:
-      return "a velocity, difficulty or span beyond the plausible";
+      return "an implausible velocity, difficulty or span";
     case Status::outlier:
       return "a measurement too far from the estimate";
     case Status::late_measurement:

@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// From the caller's time stamps, whatever they do, to steps that add up.
+/// Converts the caller's time stamps, regular or not, to steps that add up to the time passed.
 ///
-/// What counts is the difference from the last stamp:
+/// Only the difference from the last stamp counts:
 ///
 ///     within max_step      a step
-///     further ahead        one step as they usually are
+///     further ahead        one step of the usual length
 ///     backwards, or reset  one step of 0
 ///     NaN or infinite      refused, nothing changes
 ///     unchanged            a step of 0
 ///
 /// After each the next regular difference is an ordinary step again; after ten in a row that were
-/// unchanged, or further ahead, the clock counts as stalled. Stamps that jitter go backwards too:
-/// what such a one takes away from the sum is repaid by the differences that are longer than usual,
-/// so that the steps add up to the time that passed.
+/// unchanged, or further ahead, the clock counts as stalled. Stamps with jitter go backwards, too:
+/// differences that are longer than usual compensate this, so that the steps add up to the time
+/// passed.
 ///
 /// The library reads no clock. Stamps are `double` whatever the scalar type of the robot: epoch
 /// seconds do not fit into a `float`.

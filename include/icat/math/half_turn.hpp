@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// Which way round, near half a turn: errors of rotation with memory.
+/// Errors of rotation with memory: they keep their sense of rotation near half a turn.
 ///
-/// A turn by θ about n is a turn by 2π − θ about −n too. The shorter way flips at π: a rate that
-/// always takes it jumps there, and noise makes it dither; no continuous rate without memory has
-/// one attractor only (Bhat & Bernstein, *Systems & Control Letters* 39, 2000). So the way has
-/// memory, of a number or two, from update to update:
+/// A rotation by θ about n equals a rotation by 2π − θ about −n. The shorter of the two ("way")
+/// changes its sense at π: a rate that always takes it jumps there, and noise makes it alternate;
+/// no continuous rate without memory has one attractor only (Bhat & Bernstein, *Systems & Control
+/// Letters* 39, 2000). So the way is stored, as a number or two, from update to update:
 ///
 /// - At first it is the short way. Within 0.01 rad of π, where noise would choose, it is the turn
 ///   whose axis has a positive largest component (of nearly equal ones the first), for a joint the
@@ -13,7 +13,7 @@
 /// - It stays the way that it was up to π + 0.5 rad.
 /// - Beyond, it fades out, over 100 updates or, where the angle goes on, by the angle up to
 ///   π + 1 rad; then it is the short way again, which fades in over 100 updates. A fade ends after
-///   so many updates whatever the angle does: a goal at rest is reached from every state.
+///   so many updates for any motion of the angle: a goal at rest is reached from every state.
 /// - Where the error jumps by more than 0.5 rad from one update to the next, as with a new goal, it
 ///   starts anew.
 #pragma once

@@ -125,7 +125,7 @@ DistanceAt<Scalar> distance_at_box(const Vector3<Scalar>& half, const Vector3<Sc
 
 }  // namespace detail
 
-/// A shape in ⟨0⟩ that is to be kept clear of. Building one checks nothing; who gets it does.
+/// An obstacle in ⟨0⟩. Its construction checks nothing; the task that gets it does.
 template <class Scalar>
 class Obstacle {
  public:

@@ -5,7 +5,7 @@
 ///     s(u) = u³ (10 − 15 u + 6 u²)    on [0, 1], 0 below, 1 above
 ///
 /// [Coop, Eq. (18)] asks for "any sigmoid function with a continuous behaviour from 0 to 1"; this
-/// one has continuous first and second derivatives, so velocities get no kinks from it.
+/// one has continuous first and second derivatives, so it causes no kinks in velocities.
 #pragma once
 
 namespace icat {

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// What thrusts within bounds can add up to. The image of a box, Z = {G f : lower ≤ f ≤ upper}, is
-/// a zonotope, and each of its facets is parallel to p − 1 columns of G, where p is the number of
-/// its rows. So one half-space for each choice of p − 1 independent columns describes it exactly:
+/// The set of wrenches of thrusts within bounds. The image of a box, Z = {G f : lower ≤ f ≤ upper},
+/// is a zonotope, and each of its facets is parallel to p − 1 columns of G, where p is the number
+/// of its rows. So one half-space for each choice of p − 1 independent columns describes it
+/// exactly:
 ///
 ///     Z = {z : −below_k ≤ ν_kᵀ z ≤ above_k},   ν_k ⟂ the chosen columns,
 ///     above_k = Σᵢ max(ν_kᵀ gᵢ lowerᵢ, ν_kᵀ gᵢ upperᵢ),   below_k the same of −ν_k
 ///
-/// Every half-space holds Z whatever ν_k is, so that rounding in ν_k never cuts anything off. A
+/// Every half-space contains Z for any ν_k, so that rounding in ν_k never cuts a part of Z off. A
 /// linear program over Z along a line is then one pass over a list, in a time that is known.
 #pragma once
 

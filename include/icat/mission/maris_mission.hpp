@@ -47,7 +47,7 @@ struct MarisMissionOptions {
 enum class GraspFailure {
   none,           ///< it did not, or not yet
   not_found,      ///< no detection within the time of the survey
-  lost,           ///< lost from sight once more than there are surveys for
+  lost,           ///< lost from sight more often than surveys are allowed
   not_converged,  ///< the tool or the arm did not come to its goal in time
   empty_grasp,    ///< the hand closed on nothing
   slipped,        ///< the hand became empty on the way
@@ -66,8 +66,8 @@ inline constexpr const char* grasp_failures[] = {
 /// The mission of the file comment. Its events: "object detected", at the first detection that is
 /// sure; "object lost", not seen for 3 s or so, which is for the vision to judge; "grasp closed",
 /// "grasp empty" and "grasp slipped" from the hand (control/grasp_detector.hpp); "out of bounds"
-/// and "fault" from whoever watches. That a time is up or the posture reached the mission finds out
-/// by itself. Its actions: "survey", "grasp", "carry".
+/// and "fault" from the operator or a supervising program. The mission itself detects that a time
+/// limit has passed or the posture is reached. Its actions: "survey", "grasp", "carry".
 /// @throws std::invalid_argument without conditions, or on numbers out of range (see `Mission`).
 [[gnu::cold]] inline Mission maris_mission(const MarisMissionOptions& options) {
   const auto& o = options;

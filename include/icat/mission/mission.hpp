@@ -8,12 +8,12 @@
 /// of its table is raised, its time is up. A phase that ends the mission has none of them; its name
 /// says how the mission ended.
 ///
-///     raise(event)   the phase that follows is entered at once; what a phase does not know is
-///                    ignored, so that every event in every phase has a defined outcome
+///     raise(event)   the phase that follows is entered at once; an event that the phase does not
+///                    list is ignored, so that every event in every phase has a defined outcome
 ///     step(time)     the condition first, then the time limit; at most one phase is entered
 ///
-/// Each phase is reported by a step before it may end, except by an event. Nothing here knows what
-/// a robot is: `drive` hands the action to whatever has `switch_to` and `stop`.
+/// Each phase is reported by a step before it may end, except by an event. A mission refers to no
+/// robot: `drive` passes the action to any object with `switch_to` and `stop`.
 #pragma once
 
 #include <functional>
@@ -30,7 +30,7 @@ namespace icat {
 /// How a phase ends the mission.
 enum class PhaseEnd {
   none,     ///< it does not
-  success,  ///< what was wanted is done
+  success,  ///< the mission's goal is reached
   failure   ///< the phase's name is the reason
 };
 
@@ -116,8 +116,8 @@ class Mission {
     previous_ = -1;
   }
 
-  /// Something has happened. `unknown_event` where no phase knows it; otherwise `ok`, whether or
-  /// not the present phase does.
+  /// Reports an event. `unknown_event` if no phase lists it; otherwise `ok`, whether or not the
+  /// present phase lists it.
   Status raise(std::string_view event) noexcept {
     Status status = Status::unknown_event;
     for (std::size_t p = 0; p < phases_.size(); ++p) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// What a base can do: a constant 6 × k matrix B from its columns v of ẏ to its twist
-/// [linear; angular] with components on itself.
+/// The motions of a base: a constant 6 × k matrix B from its columns v of ẏ to its twist [linear;
+/// angular] with components on itself.
 #pragma once
 
 #include <initializer_list>
@@ -41,8 +41,8 @@ class Base {
   static Base free() { return unit({0, 1, 2, 3, 4, 5}); }
   /// Surge, sway, yaw, as a vessel on the surface or an omnidirectional platform: k = 3.
   static Base surface() { return unit({0, 1, 5}); }
-  /// Surge, yaw, as two driven wheels: k = 2. It cannot move sideways, so a goal beside it is
-  /// reached only by a path that somebody plans.
+  /// Surge, yaw, as two driven wheels: k = 2. It cannot move sideways, so a goal beside it needs a
+  /// path from a planner.
   static Base differential_drive() { return unit({0, 5}); }
 
   /// B.

@@ -7,11 +7,11 @@
 ///         x_k the point nearest to x_{k−1} on the axis of the k-th joint from the frame to the
 ///         base
 ///
-/// That is the frame's reach: the lever of any joint is at most as long. A joint turns all x before
-/// it and leaves its own where it is, so L does not depend on the state. On slides it does: they
-/// count as they stand. In design L is what makes a condition number smallest (Khan and Angeles,
-/// 2006); the reach needs no search, and that of the papers' arm, which their σ_t is made for, is
-/// 1.1 m.
+/// That is the frame's reach: the lever of any joint is at most as long. A revolute joint moves all
+/// x before it and leaves its own unchanged, so L does not depend on the state. Prismatic joints
+/// count with their present position. Khan and Angeles (2006) choose the L that minimizes a
+/// condition number; the reach needs no search, and that of the papers' arm, for which their σ_t is
+/// chosen, is 1.1 m.
 #pragma once
 
 #include "icat/core/list.hpp"

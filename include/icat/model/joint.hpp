@@ -23,7 +23,7 @@
 
 namespace icat {
 
-/// Fixed; turning within limits; turning without end; sliding.
+/// Fixed; rotating within limits; rotating without limits; translating.
 enum class JointType { fixed, revolute, continuous, prismatic };
 
 /// The joint follows another: position = multiplier · (position of `joint`) + offset.
@@ -41,7 +41,7 @@ struct Joint {
   std::string parent;                                     ///< link that carries it
   std::string link;                                       ///< link that it moves; unique
   JointType type{JointType::revolute};                    ///< kind of joint
-  Pose<Scalar> origin = IdentityPose{};                   ///< of its frame, in the parent's
+  Pose<Scalar> origin = IdentityPose{};                   ///< pose of its frame in the parent's
   Vector3<Scalar> axis{Scalar(0), Scalar(0), Scalar(1)};  ///< unit length, on its frame
   Pose<Scalar> link_pose = IdentityPose{};                ///< of the link in the moved frame
   Scalar lower{-infinity<Scalar>};                        ///< none by default

@@ -8,9 +8,9 @@
 ///           [ I −[p_f − p_b]× ; 0 I ] diag(R_b, R_b) B   for the base
 ///
 /// Links that do not move against each other are one body; a mimic adds its multiplier times its
-/// column to that of the joint it follows. Poses are computed by `update`; a frame's Jacobian and
-/// what else is asked for when it is asked for, and kept until the next `update`, so one robot is
-/// not for two threads at once.
+/// column to that of the joint it follows. `update` computes poses; Jacobians and masses are
+/// computed at the first request and kept until the next `update`, so one robot must not be used by
+/// two threads at once.
 #pragma once
 
 #include <algorithm>
@@ -89,7 +89,7 @@ class KinematicTree {
   Index frame_count() const noexcept { return static_cast<Index>(frames_.size()); }
   /// As given.
   const std::string& frame_name(FrameId frame) const noexcept { return at(frame).name; }
-  /// A frame with the pose `pose` in the frame `parent`, on whose link it sits.
+  /// A frame with the pose `pose` in the frame `parent`, fixed to the same link.
   /// @throws std::invalid_argument on a name that there is, a pose that is none, or a parent of
   ///         another robot. Allocates.
   [[gnu::cold]] FrameId add_frame(std::string name, FrameId parent, const Pose<Scalar>& pose) {
@@ -109,9 +109,9 @@ class KinematicTree {
     frames_.push_back({std::move(name), body, in_body, true, detail::zeros<Jacobian>(6, dof_), 0});
     return FrameId(frame_count() - 1, frames_[frames_.size() - 1].name);
   }
-  /// Moves a frame to the pose `pose` in the frame `parent`, on whose link it sits from now on: a
-  /// tool that became another, or the frame of an object that was just grasped. Only frames that
-  /// were added and links on fixed joints can be moved; a pose that is not finite or no rotation is
+  /// Moves a frame to the pose `pose` in the frame `parent`, to whose link it is fixed from now on:
+  /// for an exchanged tool, or the frame of an object that was just grasped. Only frames that were
+  /// added and links on fixed joints can be moved; a pose that is not finite or no rotation is
   /// refused, and so are frames of another robot. No allocation.
   Status set_frame(FrameId frame, FrameId parent, const Pose<Scalar>& pose) noexcept {
     if (!detail::may_have(*this, frame) || !detail::may_have(*this, parent)) {
@@ -146,7 +146,7 @@ class KinematicTree {
 
   // --- joints
 
-  /// Those that are neither fixed nor mimics; joint i stands in column i of ẏ.
+  /// Those that are neither fixed nor mimics; joint i has column i of ẏ.
   const std::vector<JointInfo<Scalar>>& joints() const noexcept { return joints_; }
   /// Of joint `i` of `joints`, rad or m.
   Scalar position(Index i) const noexcept { return q_(i); }

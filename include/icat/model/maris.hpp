@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// The electric 7-DoF arm of the MARIS project, where it sits under the vehicle, and the vehicle's
+/// The electric 7-DoF arm of the MARIS project, its pose under the vehicle, and the vehicle's
 /// thrusters.
 #pragma once
 

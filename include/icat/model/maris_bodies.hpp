@@ -6,11 +6,11 @@
 ///
 /// The links' cuboids lie along z of ⟨b⟩, at q = 0: links 1 and 2 end and start at the shoulder,
 /// 2 + 3 span shoulder to elbow, 4 + 5 elbow to wrist, 6 wrist to end-effector, 7 beyond it. Link
-/// 3, which carries the elbow's offset, lies half-way between both axes. Where the papers are
-/// silent: weight is 1 % less than buoyancy, links and the pipe of 3 m have neither added mass nor
-/// drag (Table II is of the vehicle), and a vehicle's centre of buoyancy is 5 cm above its centre
-/// of mass. [MARIS] prints the size and mass of R2 and no hydrodynamics: they are Table II, scaled
-/// from 1 m³ to its box as said at `r2_vehicle_body`.
+/// 3, which carries the elbow's offset, lies half-way between both axes. Not given in the papers
+/// and chosen here: weight is 1 % less than buoyancy, links and the pipe of 3 m have neither added
+/// mass nor drag (Table II is of the vehicle), and a vehicle's centre of buoyancy is 5 cm above its
+/// centre of mass. [MARIS] prints the size and mass of R2 and no hydrodynamics: they are Table II,
+/// scaled from 1 m³ to its box as said at `r2_vehicle_body`.
 #pragma once
 
 #include <array>

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// What a robot is to tasks and controllers: a velocity of n columns, frames that move with it,
-/// joints that have limits, and a base that can do some velocities.
+/// The concepts of a robot that tasks and controllers use: a velocity of n columns, frames that
+/// move with it, joints with limits, and a base.
 ///
 ///     ẏ = [q̇; v] ∈ Rⁿ                       in the papers' order; the order is the robot's own
 ///     twist of ⟨f⟩ = J_f ẏ                   6 × n, [linear; angular] at the origin of ⟨f⟩, on ⟨0⟩
-///     twist of the base, on itself = B v     B constant, 6 × k: what the base can do
+///     twist of the base, on itself = B v     B constant, 6 × k: motions of the base
 ///
-/// A task asks for the least of these concepts that it needs, and names no type of robot. A robot's
-/// `update` is not among them: what a state is differs from robot to robot.
+/// A task requires only those of these concepts that it needs, and names no type of robot. A
+/// robot's `update` is not among them: what a state is differs from robot to robot.
 #pragma once
 
 #include <concepts>
@@ -33,7 +33,7 @@ class FrameId {
  public:
   /// For robots: the `index`-th of their frames.
   constexpr explicit FrameId(Index index) noexcept : index_(index) {}
-  /// The same, called `name`: a task of a robot that has another frame in this place refuses it.
+  /// The same, called `name`: a task of a robot that has another frame at this index refuses it.
   constexpr FrameId(Index index, std::string_view name) noexcept
       : index_(index), mark_(mark_of(name)) {}
   /// As given at construction.
@@ -217,8 +217,8 @@ Index column_of(const R& robot, std::string_view name) noexcept {
   return i < 0 ? i : robot.joints()[static_cast<std::size_t>(i)].column;
 }
 
-/// Whether `frame` may be one of the robot's. Only a robot that counts and names its frames can say
-/// no: it has not so many, or another in this place. No allocation.
+/// Whether `frame` may be one of the robot's. Only a robot that counts and names its frames can
+/// refuse: it has fewer frames, or another one at this index. No allocation.
 template <FramedRobot R>
 bool may_have(const R& robot, FrameId frame) noexcept {
   if constexpr (requires { FrameId(robot.frame_count(), robot.frame_name(frame)); }) {

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// A thruster and where it sits: what pushes a vehicle with f along `direction` at `position`,
-/// wrench [f d; f (p × d)] at the origin of ⟨v⟩, components on ⟨v⟩.
+/// A thruster with its pose: it exerts a force f along `direction` d at `position` p, a wrench [f
+/// d; f (p × d)] at the origin of ⟨v⟩, components on ⟨v⟩.
 #pragma once
 
 #include "icat/core/types.hpp"
 
 namespace icat {
 
-/// Describes one thruster; name the fields. Limits of both directions, since most propellers push
-/// better than they pull; one that cannot turn round has `minimum` 0.
+/// Describes one thruster; name the fields. There is a limit in each direction, since most
+/// propellers have less thrust backwards than forwards; one that cannot reverse has `minimum` 0.
 template <class Scalar>
 struct Thruster {
   Vector3<Scalar> position = Filled{0};  ///< of the propeller in ⟨v⟩, m

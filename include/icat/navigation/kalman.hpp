@@ -23,7 +23,7 @@ namespace icat::detail {
 template <class Scalar, int N>
 using Square = Eigen::Matrix<Scalar, N, N>;
 
-/// Numbers beyond this are no measurement, in any unit.
+/// Numbers beyond this are refused as measurements, in any unit.
 inline constexpr double implausible_measurement = 1e6;
 
 /// Of a measurement or an input.

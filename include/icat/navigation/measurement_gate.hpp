@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// Whether an estimator believes a measurement, and how long it has had none.
+/// Accepts or refuses measurements, and counts the time since the last accepted one.
 ///
 /// Of an innovation y with the covariance S that the estimator expects of it, the squared
 /// Mahalanobis distance is
@@ -11,10 +11,10 @@
 /// dimensions, which one good measurement of 370, 365, 1000 does too. [MARIS] prints no gate; these
 /// are ours.
 ///
-/// No gate stays closed for ever. If it is the estimate that went wrong, all measurements are
-/// outliers, but they agree with each other: after 2 s and five outliers in a row, each within the
-/// gate of the one before, the estimator adds y² to the variance of what is measured and takes the
-/// measurement. Outliers that do not agree, as of a sensor that raves, are never taken.
+/// No gate stays closed for ever. If the estimate is wrong, all measurements are outliers, but they
+/// agree with each other: after 2 s and five outliers in a row, each within the gate of the one
+/// before, the estimator adds y² to the variance of what is measured and takes the measurement.
+/// Outliers that do not agree, as of a sensor with random errors, are never accepted.
 #pragma once
 
 namespace icat {
@@ -77,7 +77,7 @@ class MeasurementGate {
   double distance() const noexcept { return distance_; }
   /// How many were refused.
   long outliers() const noexcept { return outliers_; }
-  /// How often the estimate was given up.
+  /// Number of restarts of the estimate.
   long restarts() const noexcept { return restarts_; }
 
  private:

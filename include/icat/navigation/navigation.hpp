@@ -45,11 +45,11 @@ class Navigation {
         velocity_(model, options.velocity),
         position_(detail::origin(start), options.position) {}
 
-  /// One step of all predictions. Answers with the first complaint; the rest of the step is done
-  /// all the same: without gyros the attitude stays, its variance grows and the rates of roll and
-  /// pitch go to zero within seconds, without wrench the last one goes on. A yaw rate that the gate
-  /// refuses is counted there and is no complaint. `clock_stalled`: the time stands still, or every
-  /// step is longer than the longest. No allocation.
+  /// One step of all predictions. Returns the first error; the rest of the step is done all the
+  /// same: without gyros the attitude stays, its variance grows and the rates of roll and pitch go
+  /// to zero within seconds, without wrench the last one goes on. A yaw rate that the gate refuses
+  /// is counted there and is no complaint. `clock_stalled`: the time stands still, or every step is
+  /// longer than the longest. No allocation.
   /// @param now     s; differences count, see core/step_clock.hpp; longest step 1 s
   /// @param gyro    measured angular velocity on ⟨v⟩, rad/s
   /// @param wrench  of the thrusters, and what else is known but weight and drag, on ⟨v⟩, N, N m

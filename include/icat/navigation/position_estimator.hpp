@@ -8,12 +8,12 @@
 ///
 /// The velocity v comes from an estimator that knows its own covariance P_v, but not the constant
 /// errors σ_v of the DVL and σ_ψ of the heading, u = z × R v. The error e is not white: it lasts, T
-/// of it. So e is considered and not estimated (Schmidt's filter): with C = cov(p, e),
+/// of it. So e is considered and not estimated (Schmidt–Kalman filter): with C = cov(p, e),
 ///
 ///     P ← P + dt (C + Cᵀ) + dt² E,   C ← exp(−dt/T) (C + dt E)
 ///
-/// and while nothing else is measured the deviation of p grows like the time at first, then like
-/// its square root.
+/// and without other measurements the standard deviation of p grows in proportion to time at first,
+/// then to its square root.
 #pragma once
 
 #include "icat/math/rigid_motion.hpp"

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// What the estimators know of the vehicle's dynamics, each component by itself:
+/// The vehicle's dynamics in the estimators, each component by itself:
 ///
 ///     M ν̇_r = τ − (d + D |ν_r|) ν_r,     ν_r the velocity through the water
 ///
-/// An estimator that is 0.3 m/s unsure of ν_r must not linearise this drag at its estimate: it
-/// would be too sure of what it concludes. It takes the mean and the slope over the spread of the
-/// estimate, x ~ N(μ, s²), which is the best linear answer (statistical linearisation):
+/// An estimator must not linearise this drag at an estimate of ν_r with a standard deviation of 0.3
+/// m/s: its covariance would be too small. It takes the mean and the slope over the distribution of
+/// the estimate, x ~ N(μ, s²) (statistical linearisation):
 ///
 ///     a = erf(μ / √2 s),  g = s √(2/π) exp(−μ² / 2s²)
 ///     E[x |x|] = (μ² + s²) a + μ g,     d/dμ E[x |x|] = 2 E[|x|] = 2 (μ a + g)

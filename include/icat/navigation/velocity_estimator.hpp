@@ -7,12 +7,12 @@
 ///     ċ = w₂,   Ẇ = w₃
 ///     z = v + ω × r + n                                         (DVL at r, see dvl.hpp)
 ///
-/// The model of thrust and drag says how fast the vehicle goes through the water, the DVL how fast
-/// over ground; the current is the difference. Without DVL the prediction goes on with the last
-/// current. An error of the drag is taken for a current: 10 % of it are 5 % of the speed. So is a
-/// horizontal force that nobody told. A vertical one is taken for weight W in water, which no
-/// vehicle knows to the newton: ballast, or what the hand has taken. Where the gate restarts the
-/// velocity, current and weight are in doubt, too.
+/// The model of thrust and drag yields the velocity through the water, the DVL measures the
+/// velocity over ground; the current is the difference. Without DVL the prediction continues with
+/// the last current. An error of the drag appears as a current: 10 % of it are 5 % of the speed. So
+/// does a horizontal force that is not in f. A vertical one appears as weight W in water, which is
+/// never known exactly: ballast, or a load in the hand. If the gate restarts the velocity, the
+/// variances of current and weight grow, too.
 ///
 /// The attitude R is taken as exact, and water moves horizontally only. Drag is taken at the end of
 /// a step, to first order (Rosenbrock's step): stable for any dt.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// Where the arm is in both images, by the joints' positions [MARIS, IV]: what lies there is no
-/// contour of the object. Boxes on frames of the robot stand for the arm; the corners of each are
+/// The region of the arm in both images, from the joints' positions [MARIS, IV]: lines in it are no
+/// contours of the object. Boxes on frames of the robot stand for the arm; the corners of each are
 /// projected by ᶜT_f = (⁰T_c)⁻¹ ⁰T_f, and their convex hull is the mask. Of a box that is partly
 /// behind the camera the part in front is taken. Which boxes is up to the user; the paper prints
 /// none.

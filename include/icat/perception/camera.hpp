@@ -6,8 +6,8 @@
 ///     line:  cosθ u + sinθ v − ρ = 0,  > 0 on the side of the object
 ///
 /// ⟨k⟩ is a camera: z along its optical axis, x right and y down in the image. ⟨c⟩ is the rig, by
-/// custom its left camera. Pictures are rectified: no distortion. [MARIS, VI-A] calibrates the
-/// pinhole model in water, since the true model of a camera behind a flat port is unpractical.
+/// custom its left camera. Images are rectified: no distortion. [MARIS, VI-A] calibrates the
+/// pinhole model in water, since the exact model of a camera behind a flat port is impractical.
 #pragma once
 
 #include <algorithm>
@@ -34,11 +34,11 @@ struct PinholeCamera {
   Scalar height;                       ///< of the image, px, > 0: v in [0, height]
   Pose<Scalar> pose = IdentityPose{};  ///< ⟨k⟩ in ⟨c⟩
 
-  /// Points nearer to the image plane than this have no picture, m.
+  /// Points nearer to the image plane than this have no image, m.
   static constexpr double nearest = 0.05;
 
-  /// The picture of `point` (in ⟨k⟩, m). False, and `pixel` stays, where it is nearer than
-  /// `nearest` along the axis, or NaN. It may lie outside of the image. No allocation.
+  /// The image of `point` (in ⟨k⟩, m). False, and `pixel` stays, where it is nearer than `nearest`
+  /// along the axis, or NaN. It may lie outside of the image. No allocation.
   bool project(const Vector3<Scalar>& point, Pixel<Scalar>& pixel) const noexcept {
     if (!(point(2) >= static_cast<Scalar>(nearest)) || !detail::all_finite(point)) return false;
     pixel(0) = cx + fx * point(0) / point(2);
@@ -79,7 +79,7 @@ StereoCamera<Scalar> parallel_cameras(Scalar focal_length = Scalar(1200),
   return {left, right};
 }
 
-/// What a line is the picture of.
+/// The part of the cylinder that a line is the image of.
 enum class ContourKind {
   edge,  ///< one of the two long contours
   end    ///< the short contour at an end
@@ -105,8 +105,8 @@ struct ContourLine {
 ///
 ///     var θ = 2σ²/l²,  ρ = offset at the middle + t θ,  var offset = σ²/2
 ///
-/// t is where the middle lies along the line, so θ and ρ are correlated. Pixels that are one give
-/// NaN, which no estimator takes. No allocation.
+/// t is where the middle lies along the line, so θ and ρ are correlated. Two equal pixels give NaN,
+/// which every estimator refuses. No allocation.
 template <class Scalar>
 ContourLine<Scalar> line_through(const Pixel<Scalar>& from, const Pixel<Scalar>& to,
                                  const Pixel<Scalar>& towards, Scalar deviation) noexcept {

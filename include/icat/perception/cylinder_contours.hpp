@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// The picture of a cylinder: two long contours and the rims of its ends.
+/// The image of a cylinder: two long contours and the rims of its ends.
 ///
 /// ⟨o⟩ sits in the middle of the cylinder, y along its axis d. In a camera with D the distance of
 /// the axis, e₁ the way to its nearest point and e₂ = d × e₁, the planes through the camera that

@@ -2,9 +2,9 @@
 /// @file
 /// The pose of a cylinder from its contour lines in one or two cameras [MARIS, IV].
 ///
-/// A contour is the picture of a plane that touches the cylinder. The paper tells in words that the
-/// axis is where these planes meet once they are moved to it, that the plane of an end gives the
-/// origin, and gravity the direction of z; the equations are the geometry of that:
+/// A contour is the image of a plane that touches the cylinder. The paper says in words that these
+/// planes, moved inwards by the radius, intersect in the axis, that the plane of an end gives the
+/// origin, and gravity the direction of z; the equations are the geometry of this:
 ///
 ///     n = R_k Kᵀ l / |·|,  c = −nᵀ C             plane of the line l through the camera's centre C
 ///     d: n₁ × n₂, or of more planes the eigenvector of Σ n nᵀ with the smallest eigenvalue
@@ -12,12 +12,12 @@
 ///     n_tᵀ (p + s d) = |n_tᵀ d| L/2 − c_t        s from the planes of ends
 ///     y = d,  z = (g − (gᵀ d) d) / |·|,  x = y × z
 ///
-/// Ends move the origin along the axis and do nothing else, so what is wrong with a rim does not
-/// spoil the axis. The plane of an end would be exact if the camera were beside it. Else the
-/// contour of the rim, an ellipse, is not the picture of its centre; with D the distance of the
-/// axis from the camera and a how far the end is along it, the origin is off by |a| r / (D − r) at
-/// most: `rim_error`. Without an end the origin is the point of the axis nearest to ⟨c⟩, five
-/// degrees of freedom are measured, and the variance along y is infinite.
+/// Ends move the origin only along the axis, so an error of a rim does not affect the axis. The
+/// plane of an end would be exact if the camera were beside it. Else the contour of the rim, an
+/// ellipse, is not the picture of its centre; with D the distance of the axis from the camera and a
+/// how far the end is along it, the origin is off by |a| r / (D − r) at most: `rim_error`. Without
+/// an end the origin is the point of the axis nearest to ⟨c⟩, five degrees of freedom are measured,
+/// and the variance along y is infinite.
 ///
 /// The covariance is that of the lines carried through to first order. Limits and gates are ours.
 #pragma once
@@ -31,7 +31,7 @@
 
 namespace icat {
 
-/// What the lines of one picture say of a cylinder.
+/// The pose of a cylinder from the lines of one pair of images.
 template <class Scalar>
 struct CylinderMeasurement {
   Pose<Scalar> frame = IdentityPose{};  ///< ⟨o⟩ in ⟨c⟩, m: y along the axis, z down
@@ -113,7 +113,7 @@ struct LinePlane {
 template <class Scalar>
 class CylinderPose {
  public:
-  /// What is known, and what is too bad.
+  /// Known quantities, and limits of accepted measurements.
   struct Options {
     CylinderShape<Scalar> shape{};  ///< radius and length, m
     /// d has a component >= 0 along this, on ⟨c⟩; any length. A cylinder has two directions.

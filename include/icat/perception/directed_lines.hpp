@@ -4,10 +4,10 @@
 ///
 ///     n = (cosθ, sinθ), into the region;  nᵀ p = ρ
 ///
-/// A point of the border knows its normal to some degrees, so it votes for the lines through it
-/// within 8° of that alone. The line with the most votes is fitted by least squares and takes its
-/// points away; then the next. Opposite borders of a bar differ by π in θ and are never mixed up.
-/// [MARIS, IV] looks for straight regular contours; how is ours.
+/// The normal at a point of the border is known to some degrees, so the point votes only for lines
+/// through it within 8° of this. The line with the most votes is fitted by least squares and its
+/// points are removed; then the next. Opposite borders of a bar differ by π in θ and are never
+/// mixed up. [MARIS, IV] looks for straight regular contours; how is ours.
 #pragma once
 
 #include <algorithm>

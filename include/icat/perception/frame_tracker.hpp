@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
 /// A cylinder followed on the vehicle [MARIS, IV: a tracking algorithm updates the frame and
-/// filters wrong outcomes; V: trackers of ᵛT_g and ᶜT_l; no equations printed]. Between pictures
-/// its frame ⟨o⟩ moves as the vehicle says, then a measurement draws it nearer by a share k:
+/// filters wrong outcomes; V: trackers of ᵛT_g and ᶜT_l; no equations printed]. Between images its
+/// frame ⟨o⟩ moves by the inverse motion of the vehicle, then a measurement corrects it by a share
+/// k:
 ///
 ///     ᵛT_o ← (⁰T_v)⁻¹ ⁰T_v(before) ᵛT_o
 ///     p ← p + k (p_z − p),   R ← R exp(k log(Rᵀ R_z))
@@ -20,8 +21,8 @@
 ///
 ///     ᵛT_g = ᵛT_c ᶜT_o ᵒT_g,    ᶜT_l = ᶜT_o ᵒT_l
 ///
-/// Gains, gates and counts are ours. The count of misses, 3 s at 10 Hz, is what makes a drop-out
-/// survive: meanwhile the frame is as good as the vehicle's own motion.
+/// Gains, gates and counts are ours. A track survives drop-outs of up to 30 misses, 3 s at 10 Hz;
+/// meanwhile the frame is as accurate as the vehicle's odometry.
 #pragma once
 
 #include <algorithm>
@@ -76,9 +77,9 @@ class FrameTracker {
     }
   }
 
-  /// The vehicle is here now, ⟨v⟩ in ⟨0⟩: to be called at any rate, and before a picture. Where
-  /// `position_known` is false only its turn counts. What is not finite or rigid is refused; the
-  /// motion is made up for by the next call. No allocation.
+  /// The present pose of the vehicle, ⟨v⟩ in ⟨0⟩: to be called at any rate, and before an image. If
+  /// `position_known` is false only its rotation counts. What is not finite or rigid is refused;
+  /// the motion is made up for by the next call. No allocation.
   Status predict(const Pose<Scalar>& vehicle, bool position_known = true) noexcept {
     const Status status = check(vehicle);
     if (status != Status::ok) return status;
@@ -129,7 +130,7 @@ class FrameTracker {
     hits_ = misses_ = 0;
   }
 
-  /// Seen often enough, and not too long ago.
+  /// The track is valid: enough detections, and the last one is not too old.
   bool valid() const noexcept { return valid_; }
   /// Pictures since the last hit.
   int misses() const noexcept { return misses_; }

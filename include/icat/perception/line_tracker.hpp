@@ -6,9 +6,10 @@
 ///     x⁻ = x + dt v,   r = z − x⁻,   x = x⁻ + α r,   v ← v + β r / dt
 ///
 /// θ wraps at ±π. ρ is taken about the middle of the image, for about its corner a small error of θ
-/// would move ρ by hundreds of pixels. A line is born after some hits, each hit adds a life up to a
-/// cap, each miss takes one, and with no life left it is dead. Of several lines the one nearest to
-/// the prediction is taken, if it is within the gates. Gains and gates are ours.
+/// would move ρ by hundreds of pixels. A track is valid after `born` hits; each hit adds one to a
+/// counter up to `lives`, each miss subtracts one, and at zero the track is deleted. Of several
+/// lines the one nearest to the prediction is taken, if it is within the gates. Gains and gates are
+/// ours.
 #pragma once
 
 #include <numbers>
@@ -67,9 +68,10 @@ class LineTracker {
 
   /// The lines of a picture, `dt` s after the one before (>= 0; more than 1 s counts as 1 s). Those
   /// of the other camera or kind, and those that are not finite, do not count. Returns which one
-  /// was taken; −1, a miss, where none was, or where `dt` is none. A dead tracker takes the first
-  /// that counts and `excluded` does not name: a pair of contours is followed by two trackers, the
-  /// second of which is told what the first took. Step the one that is alive first. No allocation.
+  /// was taken; −1, a miss, where none was, or where `dt` is none. A tracker without a valid track
+  /// takes the first such line other than `excluded`: two trackers follow a pair of contours, and
+  /// the second gets the first's choice as `excluded`. Step the one with a valid track first. No
+  /// allocation.
   int step(double dt, std::span<const ContourLine<Scalar>> lines, int excluded = -1) noexcept {
     if (detail::check_step(dt) != Status::ok) {
       miss();
@@ -103,7 +105,7 @@ class LineTracker {
     return best;
   }
 
-  /// Born, and not dead since.
+  /// The track is valid.
   bool alive() const noexcept { return alive_; }
   /// The line as it is now, with the covariance of the last one taken, an upper bound. It means
   /// something only while `alive`.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// Where the vehicle was when a picture was taken: pictures come a tenth of a second late, and in
-/// that time a vehicle that turns at 0.2 rad/s moves what is 2 m away by 4 cm.
+/// The vehicle's pose at the time of an image: images arrive a tenth of a second late, and in that
+/// time a vehicle that turns at 0.2 rad/s displaces an object 2 m away by 4 cm.
 #pragma once
 
 #include "icat/core/status.hpp"

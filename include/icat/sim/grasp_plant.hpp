@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// A pipe that lies on the floor, and a hand that comes, closes, and carries it off or does not.
+/// Simulates a pipe on the floor and a hand that closes on it and lifts it.
 ///
-/// Nothing here decides whether the pipe is held. The pipe is a free body in water
-/// (rigid_body.hpp); what presses on it are the hand's links and palm (hand_plant.hpp) and the
-/// floor. At each contact, with the normal force f and the sliding velocity v_t of the pipe on what
-/// it touches,
+/// There is no rule for success: contact forces alone decide whether the pipe is held. The pipe is
+/// a free body in water (rigid_body.hpp); the hand's links and palm (hand_plant.hpp) and the floor
+/// press on it. At each contact, with the normal force f and the sliding velocity v_t of the pipe
+/// on what it touches,
 ///
 ///     f = max(0, f_pad − c v_n),    ‖f_t‖ ≤ μ f,    f_t = −k_t s − c v_t,    ṡ = v_t
 ///
@@ -14,9 +14,9 @@
 /// the pipe, pushes it away where one side alone does, squeezes it out where it is met beyond its
 /// middle, and loses it on the way where friction does not carry weight and acceleration.
 ///
-/// The hand's motion is given; what the pipe does to the hand comes back as a wrench. Semi-implicit
-/// Euler steps of at most 0.5 ms, shorter for light pipes. [MARIS] prints no model of it: this one
-/// and its numbers are ours; μ = 0.2 is that of wet plastics.
+/// The hand's motion is given; `wrench` is the wrench of the pipe on the hand. Semi-implicit Euler
+/// steps of at most 0.5 ms, shorter for light pipes. [MARIS] prints no model of it: this one and
+/// its numbers are ours; μ = 0.2 is that of wet plastics.
 #pragma once
 
 #include "icat/math/cholesky.hpp"

@@ -24,7 +24,8 @@
 ///
 ///     x_int = x − Gᵀ (G Gᵀ)⁻¹ G x,     interaction = (x_int,a − x_int,b)/2
 ///
-/// what robot a presses against robot b through the object: no part of a load they share evenly.
+/// the wrench with which robot a presses against robot b through the object, without the load that
+/// they share evenly.
 #pragma once
 
 #include "icat/sim/hydrodynamic_plant.hpp"

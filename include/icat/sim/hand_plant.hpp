@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// The hand in motion: motors, worm gears, cables, and what the links press against.
+/// Simulates the hand: motors, worm gears, cables, and contacts of the links.
 ///
 /// Slow, so without inertia but for the motors' start. With the cables' stretch d_j = s_j θ_g −
 /// q_j, a joint's torque is k_c d_j, and each finger is in balance with what it touches:

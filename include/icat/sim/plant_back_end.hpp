@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// A plant as a back-end (control/back_end.hpp): what a mission runs on in simulated time, or in
-/// real time with a part of the robot simulated.
+/// A plant as a back-end (control/back_end.hpp), for missions in simulated time, or in real time
+/// with a part of the robot simulated.
 ///
 ///     read(time)   moves the plant from the last `time` to this one under the command that is held
 ///     write        holds a command

@@ -2,10 +2,10 @@
 /// @file
 /// Sensors of an underwater vehicle: attitude and heading unit, DVL, depth sensor, GPS.
 ///
-/// Each samples the truth in the slots k / rate, adds what a real one adds, and hands it over
-/// `latency` later, with the time at which it was true. What is called noise is white; a bias is
-/// drawn once, from the seed, with the given deviation. [MARIS, V] names the sensors and prints no
-/// numbers: the defaults are ours, of the order of data sheets.
+/// Each samples the true motion at the times k / rate, adds its errors, and yields the measurement
+/// `latency` later, with the time of the sample. Noise is white; a bias is drawn once, from the
+/// seed, with the given standard deviation. [MARIS, V] names the sensors and prints no numbers: the
+/// defaults are ours, of the order of data sheets.
 #pragma once
 
 #include <algorithm>

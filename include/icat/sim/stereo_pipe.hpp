@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// What a stereo rig on a vehicle sees of a pipe: contour lines, without images. [MARIS] tells what
-/// disturbs its vision (turbid water, the arm before the pipe, ends out of view) and prints no
-/// numbers; the model is ours.
+/// The contour lines of a pipe that a stereo rig on a vehicle detects, without images. [MARIS]
+/// names the disturbances of its vision (turbid water, the arm in front of the pipe, ends out of
+/// view) and gives no numbers; the model is ours.
 ///
 /// - **Geometry**: both long contours and the half rims of the ends, cut at the border of each
 ///   image.
@@ -18,9 +18,9 @@
 /// - **Noise**: both ends of a line move across it by pixel_noise · C₀ / C, since an edge is found
 ///   the less well the fainter it is. The covariance of the lines says so.
 ///
-/// Pictures are taken in the slots k / rate and handed over `latency` later. All chance is in the
-/// noise, whose seed is an option: the same calls see the same. Each line draws the same number of
-/// times whatever happens to it.
+/// Pictures are taken in the slots k / rate and handed over `latency` later. Only the noise is
+/// random, and its seed is an option: the same calls give the same lines. Each line draws the same
+/// number of random numbers in all cases.
 #pragma once
 
 #include <array>
@@ -33,7 +33,7 @@
 
 namespace icat {
 
-/// The lines of a pair of pictures, as many as there are.
+/// The lines of a pair of images.
 template <class Scalar>
 struct PipeView {
   std::array<ContourLine<Scalar>, 8> line;  ///< the first `count` mean something
@@ -97,10 +97,10 @@ class StereoPipe {
     }
   }
 
-  /// To be called in each step of the simulation: what has arrived at `time`, s, and when it was
-  /// taken. A picture without any line arrives, too, and so does one of poses that are not finite.
-  /// Nothing where the time is not finite; where it is earlier than the last picture the schedule
-  /// begins anew. No allocation.
+  /// To be called in each step of the simulation: the lines that have arrived at `time`, s, and the
+  /// time of their images. An image without any line arrives, too, and so does one of poses that
+  /// are not finite. Nothing where the time is not finite; where it is earlier than the last
+  /// picture the schedule begins anew. No allocation.
   /// @param time     s
   /// @param vehicle  ⟨v⟩ in ⟨0⟩
   /// @param pipe     ⟨o⟩ in ⟨0⟩

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// A thruster that is told a thrust and gives another: a propeller whose speed lags, that pushes
-/// better than it pulls, and that does nothing while it hardly turns.
+/// Simulates a thruster whose thrust differs from the command: a propeller whose speed lags, with
+/// less thrust backwards than forwards, and a dead zone near zero speed.
 ///
 ///     n_cmd = Sat₋₁₁( sign(f) √(|f| / f_max) ),   τ ṅ = n_cmd − n
 ///     f = f_max n |n|,   f = 0 while |n| < √dead_zone
 ///
 /// f_max is `maximum` forwards, −`minimum` backwards; n is the shaft's speed over that of full
-/// thrust. The command's inverse knows the propeller's curve and not its dead zone, as a controller
-/// would. [MARIS, VI-C] reports poor thrust near zero speed as a cause of failed grasps and prints
-/// no model: this one and its numbers are ours.
+/// thrust. The inverse of the command uses the propeller's curve but not its dead zone, as a
+/// controller would. [MARIS, VI-C] reports poor thrust near zero speed as a cause of failed grasps
+/// and prints no model: this one and its numbers are ours.
 #pragma once
 
 #include <algorithm>

@@ -6,10 +6,10 @@
 ///     x = signed distance,   ẋ = ∇φᵀ (v_a + ω_a × (p − p_a)) − ∇φᵀ (the same of the other)
 ///
 /// with x, ∇φ and the point p of proximity.hpp: J is the exact derivative of x and continuous, also
-/// where nearest points would jump. x is the true distance where one of the two is a sphere. Else
-/// the capsule is thicker in its middle, and x smaller, by `bulge` times its length at most; of two
-/// of the robot's capsules it is the shorter one. Where centre lines meet, or the middle of a box,
-/// ∇φ is 0 and the row fades out.
+/// where nearest points would jump. x is the true distance where one of the two is a sphere.
+/// Otherwise the capsule is made thicker in its middle, and x is smaller, by at most `bulge` times
+/// its length; of two of the robot's capsules the shorter one is thicker. Where centre lines meet,
+/// or the middle of a box, ∇φ is 0 and the row fades out.
 #pragma once
 
 #include <algorithm>
@@ -66,7 +66,7 @@ class ClearanceTask : public ReactiveTask<R> {
   /// The smallest of them, m.
   Scalar smallest() const noexcept { return *std::min_element(values_.begin(), values_.end()); }
 
-  /// What every distance is to do.
+  /// The objective on every distance.
   const Objective<Scalar>& objective() const noexcept { return objective_; }
   /// Another objective. Its construction throws on bad numbers, so build it outside the loop.
   void set_objective(const Objective<Scalar>& objective) noexcept { objective_ = objective; }

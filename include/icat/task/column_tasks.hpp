@@ -32,8 +32,8 @@ class ColumnTask : public Task<R> {
 
 namespace task {
 
-/// ẏ_j = 0 for some columns: motion minimality of an arm, which leaves the work to the vehicle, or
-/// of a vehicle, which leaves it to the arm [Coop, III-D]. Goes to the bottom of the hierarchy.
+/// ẏ_j = 0 for some columns: motion minimality of an arm, so that the vehicle moves, or of a
+/// vehicle, so that the arm moves [Coop, III-D]. It belongs at the lowest priority.
 /// `Minimality(robot, robot.base_columns())`, `Minimality(robot, joint_columns(robot))`.
 template <Robot R>
 class Minimality : public detail::ColumnTask<R> {
@@ -44,8 +44,8 @@ class Minimality : public detail::ColumnTask<R> {
       : detail::ColumnTask<R>(robot, columns, name) {}
 };
 
-/// Measured velocities of columns that are not commanded [MARIS, III-B8]. Goes to the top of the
-/// hierarchy; an alternative to the controller's `given`.
+/// Measured velocities of columns that are not commanded [MARIS, III-B8]. It belongs at the highest
+/// priority; an alternative to the controller's `given`.
 template <Robot R>
 class GivenVelocity : public detail::ColumnTask<R> {
  public:

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
 /// A frame ⟨f⟩ of the robot to a goal: pose, position, orientation, velocity. The goal is given in
-/// ⟨0⟩, or in another frame of the same robot: two hands on one object, a tool before a camera.
+/// ⟨0⟩, or in another frame of the same robot: two hands on one object, a tool in front of a
+/// camera.
 ///
 ///     r = p_goal − p,   φ the rotation vector from ⟨f⟩ to its goal, components on the reference
 ///
@@ -15,10 +16,10 @@
 ///
 /// **Norm form** [Coop, Eq. (14), Remark 1]: x = ‖r‖ or ‖φ‖ over the chosen axes, one row.
 ///
-/// φ is the short way or, near π, the way that was begun, ‖φ‖ up to π + 1: see half_turn.hpp. Where
-/// the way changes, ẋ̄ of all three components fades to 0 and comes back; rows of a part or a norm,
-/// which turn over there, do so by their activation. A goal that moves is followed without lag
-/// where its velocity is given.
+/// φ is the shorter rotation or, near π, the one in the sense that was begun, ‖φ‖ up to π + 1: see
+/// half_turn.hpp. Where the sense changes, ẋ̄ of all three components fades to 0 and returns; for
+/// some axes or a norm, whose rows reverse there, the activation fades. A goal that moves is
+/// followed without lag where its velocity is given.
 #pragma once
 
 #include <optional>
@@ -421,7 +422,7 @@ class FrameOrientation : public detail::FrameGoal<R> {
   }
 };
 
-/// A frame's velocity comes from elsewhere: agreed on with another robot [Coop, IV-C], or from an
+/// A frame's velocity follows a given one: agreed on with another robot [Coop, IV-C], or from an
 /// operator's joystick. Non-reactive.
 template <FramedRobot R>
 class FrameVelocity : public Task<R> {
@@ -454,8 +455,8 @@ class FrameVelocity : public Task<R> {
   }
 
   /// [linear; angular] at the origin of ⟨f⟩, m/s, rad/s, of which the chosen axes count. NaN or
-  /// infinity among them is refused, and the velocity is 0 until a good one comes: an old velocity
-  /// is not safe as an old goal is.
+  /// infinity among them is refused, and the velocity is 0 until a valid one is set, since keeping
+  /// an old velocity is not as safe as keeping an old goal.
   Status set_velocity(const Vector6<Scalar>& velocity) noexcept {
     bool good = true;
     for (Index i = 0; i < 6; ++i) good = good && (!counts(i) || std::isfinite(velocity(i)));

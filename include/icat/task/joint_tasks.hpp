@@ -4,9 +4,9 @@
 ///
 ///     e_j = q*_j − q_j, for a continuous joint less whole turns
 ///
-/// Near π, where the short way flips, a continuous joint goes on the way that was begun, see
-/// half_turn.hpp. Where the way changes, the error fades out and comes back; in the norm form the
-/// row does.
+/// Near π, where the shorter rotation changes its sense, a continuous joint keeps the sense that
+/// was begun, see half_turn.hpp. Where the sense changes, the error fades out and returns; in the
+/// norm form the row does.
 #pragma once
 
 #include <cmath>
@@ -134,7 +134,8 @@ class JointLimits : public detail::JointTask<R> {
     /// as it is, and refused where there is no room.
     PerJoint<Scalar> margin = static_cast<Scalar>(0.1);
     /// x* is the middle of a joint's range, one point inside as in [Coop, III-C, Remark]; otherwise
-    /// the near edge of the range of rest. The middle pulls harder, and on a rail by its length.
+    /// the near edge of the inactive range. The middle gives a larger rate, on a linear axis in
+    /// proportion to its length.
     bool to_middle{false};
     Scalar gain{1};                                ///< γ, 1/s
     PerJoint<Scalar> max_rate = infinity<Scalar>;  ///< rad/s, m/s

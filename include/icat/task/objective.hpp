@@ -8,8 +8,8 @@
 ///     x_m ≤ x ≤ x_M    the sum of the two            [Coop, III-C]        x* = both
 ///
 /// with s the smooth step. The reference rate is ẋ̄ = γ (x* − x) [Coop, Eq. (8), (9)]. x* is the
-/// near edge of the range of rest, where aⁱ = 0: the way out of the margin and no further. `toward`
-/// sets one point inside instead [Coop, III-C, Remark].
+/// near edge of the inactive range, where aⁱ = 0: the task moves out of the margin and no further.
+/// `toward` sets one point inside instead [Coop, III-C, Remark].
 #pragma once
 
 #include <cmath>

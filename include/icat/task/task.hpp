@@ -5,8 +5,8 @@
 ///     ẋ = J ẏ,   ẋ̄ = γ (x* − x),   a = aⁱ(x)          [Coop, Eq. (6)–(9), (17), (18)]
 ///
 /// The phase activation aᵖ of Eq. (17) is not the task's: the actions it stands in supply it. A
-/// task is reactive [MARIS, III-B] where its reference follows from the robot's state, non-reactive
-/// where somebody else sets it.
+/// task is reactive [MARIS, III-B] if its reference follows from the robot's state, non-reactive if
+/// the caller sets it.
 #pragma once
 
 #include <algorithm>
@@ -24,7 +24,7 @@
 
 namespace icat {
 
-/// What a task has yet to do; NaN where it has no such error.
+/// The remaining error of a task; NaN if it has no such error.
 template <class Scalar>
 struct Remaining {
   Scalar position{std::numeric_limits<Scalar>::quiet_NaN()};  ///< m
@@ -75,7 +75,7 @@ class Task {
   /// The largest of the frames that its rows in metres are of, m; 0: none.
   Scalar characteristic_length() const noexcept { return characteristic_length_; }
 
-  /// What was left at the last update, for explanations and logs; by default nothing is known.
+  /// The remaining error at the last update, for explanations and logs; by default NaN.
   virtual Remaining<Scalar> remaining() const noexcept { return {}; }
 
  protected:
@@ -192,7 +192,7 @@ class ScalarTask : public ReactiveTask<R> {
 
   /// x of the last update.
   Scalar value() const noexcept { return value_; }
-  /// What x is to do.
+  /// The objective on x.
   const Objective<Scalar>& objective() const noexcept { return objective_; }
   /// Another objective. Its construction throws on bad numbers, so build it outside the loop.
   void set_objective(const Objective<Scalar>& objective) noexcept { objective_ = objective; }

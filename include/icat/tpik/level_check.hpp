@@ -16,9 +16,9 @@
 
 namespace icat {
 
-/// No robot moves as fast, in m/s or rad/s: a level, or a given velocity, that would take a
-/// component of ẏ beyond it is refused (`implausible`). The bell amplifies a rate by 50 at most, so
-/// that any rate in earnest stays far below; 1e200 in a Jacobian or a measurement does not.
+/// A speed above that of any robot, in m/s or rad/s: a level, or a given velocity, that would take
+/// a component of ẏ beyond it is refused (`implausible`). The bell amplifies a rate by 50 at most,
+/// so that valid rates stay far below it; a Jacobian or a measurement with 1e200 does not.
 inline constexpr double implausible_speed = 1e6;
 
 }  // namespace icat

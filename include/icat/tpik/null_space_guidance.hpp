@@ -21,9 +21,9 @@
 /// moved along nor kept from the tasks below. So at a singularity ζ is finite, but may jump; where
 /// that matters, see `Tpik`.
 ///
-/// **Against `Tpik`.** A lower task is not told what the higher ones already do to it, so it is not
-/// achieved while they move, unless the tasks are orthogonal. In return none amplifies another's
-/// velocity: each term is its own J_k⁺ r_k, shortened by a projection.
+/// **Against `Tpik`.** A lower task does not account for the effect of the higher ones on it, so it
+/// is not achieved while they move, unless the tasks are orthogonal. In return none amplifies
+/// another's velocity: each term is its own J_k⁺ r_k, shortened by a projection.
 #pragma once
 
 #include <Eigen/Jacobi>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// The law of the chosen columns in the velocity of the given ones: in the papers, of the arm in
-/// the vehicle's, [Coop, Eq. (24), (25)].
+/// The velocity of the chosen columns as an affine function of that of the given ones: in the
+/// papers the arm law, in the velocity of the vehicle [Coop, Eq. (24), (25)].
 ///
 ///     q̇ = ρ̃ + P v
 ///     ρ̃_k = ρ̃_{k−1} + Q_{k−1} X_k^{#,A_k,I} W_k (ẋ̄_k − J_kᵃ ρ̃_{k−1})
@@ -21,7 +21,7 @@
 namespace icat {
 
 /// `N` chosen columns, `Parameters` given velocities (6 for a vehicle). Velocity bounds are no part
-/// of it: the saturation depends on v, so the law would not be affine. Saturate what it yields
+/// of it: the saturation depends on v, so the law would not be affine. Saturate its result
 /// (`VelocityBounds`), or use `Tpik::reset(rho0, Q0)`.
 template <std::floating_point Scalar, int N = Eigen::Dynamic, int Parameters = 6,
           RegularizationPolicy<Scalar> Regularization = BellRegularization<Scalar>>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// The projector Q of a hierarchy, in a form in which a partial row costs only itself:
+/// The projector Q of a hierarchy, in a form in which a partially active row costs one column:
 ///
 ///     Q = L Nᵀ,   L = N − U Vᵀ      N: n × r orthonormal; U: n × p; V: r × p, p ≤ r
 ///

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
 /// Saturation in the null space: where a level would take a component past its bound, the component
-/// stops there and the others take over what it cannot give. After Flacco, De Luca, Khatib,
+/// stops there and the others take over the rest of its motion. After Flacco, De Luca, Khatib,
 /// *Control of redundant robots under hard joint constraints: saturation in the null space*, IEEE
 /// T-RO 2015.
 ///
@@ -11,8 +11,8 @@
 /// do not need. The published algorithm fixes components one by one, the worst first, and its
 /// answer may jump where another becomes the worst. This minimum is unique, so it does not; where
 /// the published answer is its minimum, both are the same. ε weighs motion in the null space
-/// against the speed of the level: where a component hardly moves in the null space, the others
-/// need not race to hold it, the level slows instead. They move by 1/(2 √ε) of its excess at most.
+/// against the speed of the level: where a component hardly moves in the null space, the level
+/// slows down instead of making the others fast. They move by 1/(2 √ε) of its excess at most.
 ///
 /// With μ, a multiplier for each component, x = ρ + Δ + G μ, G = Q Qᵀ + ε Δ Δᵀ / ‖Δ‖²
 /// (active_bounds.hpp).

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 /// @file
-/// What the solver says about its last hierarchy: which level got what, and why not more.
+/// The solver's report of its last hierarchy: what each level achieved, and what reduced it.
 #pragma once
 
 #include <array>

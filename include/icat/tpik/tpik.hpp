@@ -80,9 +80,9 @@ class Tpik {
   }
 
   /// Start of a system that is not fully actuated [Coop, Eq. (31)] or constrained [Coop, IV]:
-  /// `rho0` (n) is the velocity that is given anyway, `Q0` (n × n) the projector onto what may be
-  /// chosen. On bad input (wrong size, not finite, faster than `implausible_speed`) ρ₀ = 0 and
-  /// Q₀ = 0, so that nothing moves; the report holds the status.
+  /// `rho0` (n) is the given velocity, `Q0` (n × n) the projector onto the velocities that may be
+  /// chosen. On bad input (wrong size, not finite, faster than `implausible_speed`) ρ₀ = 0 and Q₀ =
+  /// 0, so that nothing moves; the report holds the status.
   template <class R, class Q>
   Status reset(const Eigen::MatrixBase<R>& rho0, const Eigen::MatrixBase<Q>& Q0) noexcept {
     clear();
@@ -149,8 +149,8 @@ class Tpik {
   /// ρ after the last level, n: after `minimize_velocity`, ẏ. Always finite, and within
   /// `implausible_speed`.
   const VectorN& velocity() const noexcept { return rho_; }
-  /// Q after the last `add_level`, n × n: what the levels so far leave to those below. Formed when
-  /// asked for, in O(n³); no allocation.
+  /// Q after the last `add_level`, n × n: the projector for the levels below. Formed when asked
+  /// for, in O(n³); no allocation.
   const SquareN& projector() const noexcept { return iteration_.projector_matrix(); }
   /// Since the last reset.
   const TpikReport<Scalar>& report() const noexcept { return report_; }

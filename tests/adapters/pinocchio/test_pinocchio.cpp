@@ -233,7 +233,7 @@ TEST_F(PinocchioTorso, AsThePageShows) {
   pinocchio::Model model;
   pinocchio::urdf::buildModelFromXML(text, pinocchio::JointModelFreeFlyer(), model);
   icat::PinocchioRobot<double> torso(model);
-  torso.set_limits("left_elbow", {.max_acceleration = 5});  // what the model does not know
+  torso.set_limits("left_elbow", {.max_acceleration = 5});  // not in the model
   icat::Status status = torso.update(q, base_pose);
   //! [robot]
   EXPECT_EQ(status, Status::ok);

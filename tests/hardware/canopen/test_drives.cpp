@@ -428,7 +428,7 @@ TEST(Drives, Example) {
   const auto cycle = [&](double time) {  // 100 times a second
     static_cast<void>(can.receive_all([&](const icat::CanFrame& f) { arm.receive(f, time); }));
     if (arm.cause() == StopCause::none && !arm.enabled() && arm.ready(time)) {
-      static_cast<void>(arm.enable(time));  // once; after a stop it is a person who says go
+      static_cast<void>(arm.enable(time));  // once; after a stop an operator decides
     }
     if (arm.healthy(time)) {
       const double q = arm.drive(1).sample().value.position;  // rad

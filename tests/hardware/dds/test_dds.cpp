@@ -124,7 +124,7 @@ TEST(Dds, IsUsedLikeThis) {
   std::vector<double> velocity(names.size());
 
   auto cycle = [&](double time) {
-    arm.read(time);  // takes what came, never waits
+    arm.read(time);  // takes new messages, never blocks
     const bool heard = arm.states().age(time) < 0.1;
     for (std::size_t i = 0; i < names.size(); ++i) {
       velocity[i] = heard ? -0.5 * arm.states()[i].value.position : 0;

@@ -395,7 +395,7 @@ TEST(Dvl, GoesIntoTheEstimator) {
       taken = dvl.count;
       (void)estimator.correct_dvl(icat::dvl_measurement<double>(dvl.value), now - dvl.time);
     }
-    stop = decoder.bottom_age(now) > 1;  // no bottom for a second: the velocity is the model's
+    stop = decoder.bottom_age(now) > 1;  // no bottom for a second: model velocity
     //! [dvl]
     EXPECT_FALSE(stop);
   }

@@ -105,7 +105,7 @@ icat::Status cycle(icat::Agent<Uvms>& agent, AcousticModem& modem, ByteStream& s
   }
   modem.exchange(stream, time);
   if (const ModemMessage* heard = modem.take(partner)) {
-    (void)agent.receive(partner, heard->round, heard->bytes());  // refused: as if it were lost
+    (void)agent.receive(partner, heard->round, heard->bytes());  // refused: counts as lost
   }
   const icat::Status stepped = agent.step(time, measured);
   return proposed == icat::Status::ok ? stepped : proposed;

@@ -388,12 +388,12 @@ TEST(Nmea, FeedsThePositionEstimator) {
       const auto ned = origin.ned(fix.value.latitude, fix.value.longitude);
       (void)estimator.correct_gps({ned[0], ned[1]}, now - fix.time);
     }
-    // Only of a sensor of pressure: an echo sounder measures the depth of the water.
+    // Only from a pressure sensor: an echo sounder measures the depth of the water.
     if (const auto& depth = nmea.depth(); depth.count != depths) {
       depths = depth.count;
       (void)estimator.correct_depth(depth.value.depth, now - depth.time);
     }
-    const bool lost = !nmea.depth().fresh(now, 0.5);  // then stop
+    const bool lost = !nmea.depth().fresh(now, 0.5);  // then stop the robot
     //! [nmea]
     EXPECT_FALSE(lost);
   }

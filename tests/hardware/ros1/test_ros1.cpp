@@ -173,7 +173,7 @@ TEST_F(Ros1Test, AUsersLoop) {
     for (std::size_t i = 0; i < 3; ++i) {
       velocity[i] = 2 * (goal[i] - robot.joints()[i].value.position);
     }
-    // Zeros go out while the robot is not healthy.
+    // Zeros are sent while the robot is not healthy.
     const icat::Status status = robot.write_joint_velocities(velocity, time);
     if (status != icat::Status::ok) report(icat::describe(status));
     (void)robot.write_twist({0.1, 0, 0, 0, 0, 0}, time);

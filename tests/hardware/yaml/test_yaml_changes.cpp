@@ -231,11 +231,11 @@ TEST(YamlChanges, AsThePageShowsIt) {
   //! [load]
   icat::Configuration config = icat::load_yaml(file);
   auto& hand = config.task<icat::task::FramePosition<icat::ConfiguredRobot>>("hand");
-  icat::Status status = hand.set_goal({1, 0.5, 0.4});  // a program may set what it likes
+  icat::Status status = hand.set_goal({1, 0.5, 0.4});  // set by the program
   //! [load]
   EXPECT_EQ(status, icat::Status::ok);
   //! [changes]
-  icat::ConfigurationChanges changes = config.read_changes(file);  // throws where anything is wrong
+  icat::ConfigurationChanges changes = config.read_changes(file);  // throws on any error
   status = config.apply(changes);  // between two steps; allocates nothing
   //! [changes]
   EXPECT_EQ(status, icat::Status::ok);
