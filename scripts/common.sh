@@ -64,6 +64,13 @@ python_tools() {
   }
 }
 
+# npm_peers: the packages of tests/hardware/package.json go to build/node.
+npm_peers() {
+  mkdir -p build/node
+  cp tests/hardware/package.json build/node/
+  npm install --prefix build/node --no-audit --no-fund --no-package-lock
+}
+
 # need_pinocchio: Pinocchio with the headers of its urdfdom, from PyPI.
 need_pinocchio() {
   python_tools

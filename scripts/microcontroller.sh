@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # icat without operating system: builds examples/microcontroller for a Cortex-M7 and a Cortex-M4F,
 # runs both in QEMU, compares their velocities with the host's, and prints a table, also to
-# out/microcontroller/table.md.
+# out/microcontroller/table.md. Where gnuplot is found, out/microcontroller/cycles.png shows the cycles.
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
 need g++:g++ cmake:cmake libeigen3-dev gcc-arm-none-eabi:arm-none-eabi-g++ \
@@ -67,8 +67,11 @@ say "Running on the Cortex-M4F"
 target cortex_m4f mps2-an386 -mcpu=cortex-m4 -mfpu=fpv4-sp-d16
 
 status=0
-"$build/compare" "$build"/host{,_no_packets,_double}.txt \
+"$build/compare" "$out/cycles.csv" "$build"/host{,_no_packets,_double}.txt \
   Cortex-M7 "$build/cortex_m7.txt" Cortex-M4F "$build/cortex_m4f.txt" >"$out/table.md" || status=1
 cat "$out/table.md"
+if command -v gnuplot >/dev/null; then
+  gnuplot -e "folder = '$out'" "$source/plot.gp" || fail "no picture"
+fi
 ((status == 0)) || fail "the targets are not right"
 say "Table: $PWD/$out/table.md"

@@ -3,13 +3,6 @@
 # fresh clone on two cores. ICAT_LOOP_SECONDS and ICAT_FUZZ_SECONDS set longer runs.
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
-# The packages of tests/hardware/package.json go to build/node.
-npm_peers() {
-  mkdir -p build/node
-  cp tests/hardware/package.json build/node/
-  npm install --prefix build/node --no-audit --no-fund --no-package-lock
-}
-
 need g++:g++ clang:clang++ cmake:cmake ninja-build:ninja ccache:ccache libeigen3-dev libgtest-dev \
   libmujoco-dev libbenchmark-dev libopencv-dev gnuplot-nox:gnuplot libcli11-dev cyclonedds-dev libfastrtps-dev nodejs:node npm:npm \
   libroscpp-dev libsensor-msgs-dev libnav-msgs-dev libgeometry-msgs-dev libstd-msgs-dev \

@@ -5,10 +5,11 @@
 #   cmake -DPROGRAM=00_reach -P documentation.cmake and README.md shows what the program prints
 #   cmake -DUPDATE=ON -P documentation.cmake        writes the code into the pages
 #
-# Above every block of C++ or YAML in a page stands where it comes from, by a path from the root:
+# Above every block of C++, Python or YAML in a page stands where it comes from, by a path from the
+# root:
 #
 #   <!-- snippet: tests/test_tutorial.cpp [class] -->    between the two lines //! [class]; in a
-#                                                        YAML file #! [class]
+#                                                        file of Python or YAML #! [class]
 #   <!-- snippet: examples/00_reach/main.cpp -->         the file without its first line (SPDX)
 #
 # The block is that text word for word, less the indentation of its first line.
@@ -34,7 +35,7 @@ function(read_snippet source result_variable fault_variable)
   file(READ "${root}/${file}" text)
   if(tag)
     set(mark "//! ${tag}")
-    if(file MATCHES "[.]yaml$")
+    if(file MATCHES "[.](yaml|py)$")
       set(mark "#! ${tag}")
     endif()
     foreach(end "first" "second")
@@ -110,6 +111,7 @@ foreach(page IN LISTS pages)
   file(READ "${root}/${page}" before)
   check_blocks("${page}" cpp "${before}" after)
   check_blocks("${page}" yaml "${after}" after)
+  check_blocks("${page}" python "${after}" after)
   if(UPDATE AND NOT after STREQUAL before)
     file(WRITE "${root}/${page}" "${after}")
     message(STATUS "Updated: ${page}")
@@ -164,6 +166,56 @@ foreach(page IN LISTS pages)
     endif()
   endforeach()
 endforeach()
+
+# The gallery has every example, with a picture that is there and no heavier than 200 kB, and says how
+# many lines of C++ it has. What stands there: "## <folder>", a picture, "<n> lines of C++".
+file(READ "${root}/docs/gallery.md" gallery)
+file(GLOB folders LIST_DIRECTORIES true RELATIVE "${root}/examples" "${root}/examples/*")
+list(REMOVE_ITEM folders CMakeLists.txt support)
+foreach(folder IN LISTS folders)
+  string(FIND "${gallery}" "\n## ${folder}\n" at)
+  if(at EQUAL -1)
+    error("docs/gallery.md does not have examples/${folder}")
+    continue()
+  endif()
+  math(EXPR at "${at} + 1")
+  string(SUBSTRING "${gallery}" ${at} -1 section)
+  string(FIND "${section}" "\n## " end)
+  string(SUBSTRING "${section}" 0 ${end} section)
+  string(REGEX MATCHALL "!\\[[^]]+\\]\\([^)]+\\)" pictures "${section}")
+  if(NOT pictures)
+    error("docs/gallery.md has no picture of ${folder}")
+  endif()
+  string(REGEX REPLACE "!\\[[^]]+\\]\\(([^)]+)\\)" "\\1" pictures "${pictures}")
+  foreach(picture IN LISTS pictures)
+    if(NOT EXISTS "${root}/docs/${picture}")
+      error("docs/gallery.md shows '${picture}', which is not there")
+      continue()
+    endif()
+    file(SIZE "${root}/docs/${picture}" bytes)
+    if(bytes GREATER 200000)
+      error("docs/gallery.md shows '${picture}', which has ${bytes} bytes: more than 200 kB")
+    endif()
+  endforeach()
+  set(lines 0)
+  file(GLOB sources "${root}/examples/${folder}/*.[ch]pp")
+  foreach(source IN LISTS sources)
+    file(READ "${source}" text)
+    string(REGEX REPLACE "[^\n]" "" text "${text}")
+    string(LENGTH "${text}" count)
+    math(EXPR lines "${lines} + ${count}")
+  endforeach()
+  string(REGEX MATCH "([0-9]+) lines of C\\+\\+" match "${section}")
+  if(UPDATE AND match)
+    string(REPLACE "${match}" "${lines} lines of C++" section_after "${section}")
+    string(REPLACE "${section}" "${section_after}" gallery "${gallery}")
+  elseif(NOT CMAKE_MATCH_1 EQUAL lines)
+    error("docs/gallery.md says '${match}' of ${folder}, which has ${lines}; run ./scripts/snippets.sh")
+  endif()
+endforeach()
+if(UPDATE)
+  file(WRITE "${root}/docs/gallery.md" "${gallery}")
+endif()
 
 file(READ "${root}/README.md" readme)
 string(FIND "${readme}" "<!-- snippet: examples/00_reach/main.cpp -->\n" at)

@@ -3,6 +3,7 @@
 # is to stay, to docs/peers.md. Peers come from the package registries, each Python one into an
 # environment of its own; one that cannot be had is named in the page.
 source "$(dirname -- "${BASH_SOURCE[0]}")/../../scripts/common.sh"
+source benchmarks/peers/common.sh
 
 need g++:g++ cmake:cmake pkg-config:pkg-config python3:python3 libeigen3-dev liburdfdom-dev \
   liborocos-kdl-dev libkdl-parser-dev
@@ -11,24 +12,9 @@ python_tools
 need_robot_data
 
 home=benchmarks/peers
-work=$PWD/build/peers
-problems=$work/problems
 results=$work/results.tsv
-mkdir -p "$work" out/benchmarks
+mkdir -p out/benchmarks
 : >"$results"
-
-# have <peer> <requirement>...: into its environment. Wheels alone: nothing is built.
-have() {
-  local peer=$1 environment=$work/$1
-  shift
-  [[ ! -f $environment/installed || $(cat "$environment/installed") != "$*" ]] || return 0
-  say "Installing $peer"
-  rm -rf "$environment"
-  python3 -m venv "$environment" &&
-    "$environment/bin/pip" install -q --disable-pip-version-check --only-binary :all: "$@" \
-      >"$work/$peer.log" 2>&1 </dev/null &&
-    echo "$*" >"$environment/installed"
-}
 
 # missing <peer> <log>: why, by the last line of the log, without the path of this folder.
 missing() {
@@ -38,29 +24,15 @@ missing() {
 }
 
 peers=()
-# peer <name> <requirement>...
-peer() {
-  if have "$@"; then
-    peers+=("$1")
+for name in placo pink mink tsid; do
+  if have_peer "$name"; then
+    peers+=("$name")
   else
-    missing "$1" "$work/$1.log"
+    missing "$name" "$work/$name.log"
   fi
-}
-peer placo placo==0.10.2
-peer pink pin-pink==4.4.0 pin==4.1.0 quadprog==0.1.14
-peer mink mink==1.3.0 mujoco==4.0.0
-# The wheels of tsid 1.10.0 crash with those of Pinocchio 4.0 and 4.1.
-peer tsid tsid==1.7.1 pin==3.4.0 'cmeel-urdfdom<5' 'cmeel-tinyxml2<11'
+done
 
-read -ra icat_flags <<<"$(pkg-config --cflags eigen3 urdfdom console_bridge)"
-read -ra icat_libraries <<<"$(pkg-config --libs urdfdom console_bridge)"
-read -ra kdl_flags <<<"$(pkg-config --cflags eigen3 orocos-kdl)"
-cxx() {
-  local program=$1
-  shift
-  step "Building $program" "$work/$program.log" \
-    "$CXX" -std=c++20 -O3 -DNDEBUG "$@" -o "$work/$program" || fail "$program does not build"
-}
+find_libraries
 cxx icat "${icat_flags[@]}" -Iinclude $home/icat_peers.cpp "${icat_libraries[@]}"
 cxx icat_native -march=native "${icat_flags[@]}" -Iinclude $home/icat_peers.cpp \
   "${icat_libraries[@]}"

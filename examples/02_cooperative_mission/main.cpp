@@ -144,6 +144,74 @@ void add_to(support::Replay& replay, const NamedVariant& v, const cooperation::R
   }
 }
 
+// Fig. 2: the activation of x <= 0.1 with β = 0.05.
+void write_activation(const fs::path& folder, bool pictures) {
+  const auto objective = cooperation::Objective::at_most(0.1, 0.05);
+  {
+    support::Csv csv(folder, "activation.csv", "x,a");
+    for (int k = 0; k <= 150; ++k) csv.row({0.001 * k, objective.activation(0.001 * k)});
+  }
+  if (pictures) support::draw(folder, {}, ICAT_EXAMPLE_FOLDER "/activation.gp");
+  std::printf(
+      "\n| Fig. 2 | x = 0.05 | 0.0625 | 0.075 | 0.0875 | 0.1 |\n|---|---|---|---|---|---|\n");
+  std::printf("| activation |");
+  for (const double x : {0.05, 0.0625, 0.075, 0.0875, 0.1}) {
+    std::printf(" %.3f |", objective.activation(x));
+  }
+  std::printf("\n");
+}
+
+// [Coop, Table I], of the actions as they are: where a task stands in them.
+void print_activations() {
+  cooperation::Side side(-1, {});
+  const auto actions = side.actions();
+  using Task = icat::Task<cooperation::Robot>;
+  const std::vector<std::pair<const char*, std::vector<const Task*>>> rows{
+      {"joint limits", {&side.joint_limits}},
+      {"vehicle distance", {&side.vehicle_distance}},
+      {"manipulability", {&side.manipulability}},
+      {"camera centering", {&side.centering}},
+      {"horizontal attitude", {&side.attitude}},
+      {"vehicle pose", {&side.vehicle_pose}},
+      {"tool pose", {&side.tool_grasp, &side.tool_transport, &side.tool_deploy, &side.tool_away}},
+      {"still arm", {&side.still_arm}},
+      {"still vehicle", {&side.still_vehicle}}};
+  const auto active = [](const icat::Action<cooperation::Robot>& action, const auto& tasks) {
+    for (const auto& level : action.levels) {
+      for (const Task& task : level) {
+        if (std::find(tasks.begin(), tasks.end(), &task) != tasks.end()) return true;
+      }
+    }
+    return false;
+  };
+  std::printf("\n| activation, Table I |");
+  for (const auto& action : actions) std::printf(" %s |", action.name.c_str());
+  std::printf("\n|---|---|---|---|---|---|---|---|\n");
+  for (const auto& [name, tasks] : rows) {
+    std::printf("| %s |", name);
+    bool before = active(actions[0], tasks);
+    for (const auto& action : actions) {
+      const bool now = active(action, tasks);
+      std::printf(before == now ? " %d |" : " %d → %d |", before ? 1 : 0, now ? 1 : 0);
+      before = now;
+    }
+    std::printf("\n");
+  }
+}
+
+// What each robot sends in a cycle.
+void print_message() {
+  std::printf("\n| a message has | numbers | bits |\n|---|---|---|\n");
+  for (const bool spans : {false, true}) {
+    icat::Agreement<double> agreement({.spans = spans});
+    const auto v = cooperation::Vector6::Zero();
+    if (agreement.propose(v, v) != icat::Status::ok) continue;
+    const std::size_t bytes = agreement.send(0).size();
+    std::printf("| %s | %zu | %zu |\n", spans ? "velocity and spans" : "velocity",
+                bytes / sizeof(float), 8 * bytes);
+  }
+}
+
 bool draw(const fs::path& folder, const char* title, const cooperation::Result& r) {
   std::string tasks, ends, snapshots;
   for (const char* task : cooperation::task_names) tasks += std::string(task) + ' ';
@@ -267,6 +335,9 @@ int main(int argc, char** argv) {
   }
   print_phases(results, false);
   print_phases(results, true);
+  print_activations();
+  print_message();
+  write_activation(arguments.output, arguments.pictures);
   if (arguments.variant.empty() && all_well) {
     print_comparison(results["plain"], results["centralized"]);
     std::printf(

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <icat/model/maris_bodies.hpp>
 
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
@@ -15,6 +16,19 @@ namespace {
 namespace fs = std::filesystem;
 
 const char* yes(bool b) { return b ? "yes" : "no"; }
+
+// [Coop, Table II], of the vehicles that the runs are made with.
+void print_vehicle() {
+  const auto body = icat::maris_vehicle_body<double>();
+  const auto row = [](const char* name, const icat::Vector6<double>& v) {
+    std::printf("| %s | %g %g %g | %g %g %g |\n", name, v(0), v(1), v(2), v(3), v(4), v(5));
+  };
+  std::printf("\n| vehicle, Table II | along its axes | about them |\n|---|---|---|\n");
+  row("added mass", body.added_mass);
+  row("linear drag", body.linear_drag);
+  row("quadratic drag", body.quadratic_drag);
+  std::printf("| mass | %g | |\n", body.mass);
+}
 
 void print(const table3::Table& t) {
   std::printf(
@@ -179,6 +193,7 @@ int main(int argc, char** argv) {
     t = table3::run_all({}, table3::rows.size(), [&](double share) { bar.show(share); });
   }
   print(t);
+  print_vehicle();
   std::string names;
   for (std::size_t i = 0; i < t.results.size(); ++i) {
     std::string name = table3::rows[i].name;

@@ -4,21 +4,22 @@ set datafile separator comma
 set terminal pngcairo size 1400,1000 font 'sans,11' background 'white'
 set output folder.'/forces.png'
 set grid lc rgb '#dddddd'
+array colour[6] = ['#1f77b4', '#ff7f0e', '#2ca02c', '#d62728', '#9467bd', '#8c564b']
 set xlabel 't (s)'
 set logscale y
 set yrange [0.01:300]
 set multiplot layout 2,2 title 'Interaction with the pipe over time'
 set key outside right
 set title 'force, without the force modification'
-set ylabel 'N'
-plot for [i=1:6] folder.'/'.word(rows,i).'.csv' using 't':'force' with lines lw 1.5 title word(rows,i)
+set ylabel 'force (N)'
+plot for [i=1:6] folder.'/'.word(rows,i).'.csv' using 't':'force' with lines lw 2 lc rgb colour[i] title word(rows,i)
 set title 'force, with it'
-plot for [i=7:11] folder.'/'.word(rows,i).'.csv' using 't':'force' with lines lw 1.5 title word(rows,i)
+plot for [i=7:11] folder.'/'.word(rows,i).'.csv' using 't':'force' with lines lw 2 lc rgb colour[i-6] title word(rows,i)
 set title 'moment, without the force modification'
-set ylabel 'N m'
-plot for [i=1:6] folder.'/'.word(rows,i).'.csv' using 't':'moment' with lines lw 1.5 title word(rows,i)
+set ylabel 'moment (N m)'
+plot for [i=1:6] folder.'/'.word(rows,i).'.csv' using 't':'moment' with lines lw 2 lc rgb colour[i] title word(rows,i)
 set title 'moment, with it'
-plot for [i=7:11] folder.'/'.word(rows,i).'.csv' using 't':'moment' with lines lw 1.5 title word(rows,i)
+plot for [i=7:11] folder.'/'.word(rows,i).'.csv' using 't':'moment' with lines lw 2 lc rgb colour[i-6] title word(rows,i)
 unset multiplot
 if (study eq 'yes') {
   set output folder.'/sensitivity.png'

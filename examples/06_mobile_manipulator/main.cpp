@@ -70,6 +70,14 @@ int main(int argc, char** argv) {
       replay, controller,
       {.frames = {"link6"}, .base = {0.7, 0.5, 0.4}, .base_at = {0, 0, 0.25}, .samples = 4100});
   //! [replay]
+  replay.look(3.5, 0.35);  // not from behind the wall
+  for (double angle = -0.1; angle < 1.65; angle += 0.1) {  // the wall, 0.4 m after 0.4 m
+    const Vector3 middle(4.03 * std::cos(angle), 4.03 * std::sin(angle), 0.7);
+    view.run().shapes.push_back({.form = icat::ReplayForm::box,
+                                 .at = support::pose(middle, 0, 0, angle),
+                                 .size = {0.04, 0.405, 1.4},
+                                 .color = "#c9b79c"});
+  }
   support::Csv csv(arguments.output, "run.csv",
                    "t,tool_x,tool_y,tool_z,base_x,base_y,yaw,error,tilt,surge,yaw_rate,mu");
   const double dt = 0.01, end = 40;

@@ -67,6 +67,9 @@ Run run(bool feedback, support::Csv& csv, support::Replay& replay) {
        .base = {1.6, 1.0, 0.8},
        .ground = 1.5,
        .samples = 4100});
+  const auto off = view.log().add("off the valve/tool", "m");
+  view.run().plots.insert(view.run().plots.begin(),
+                          {"Tool off the valve", {"off the valve/"}, "m", 0, 0, true});
   Run result;
   result.status = controller.start("hold", 0);
   const double dt = 0.01;
@@ -81,6 +84,7 @@ Run run(bool feedback, support::Csv& csv, support::Replay& replay) {
 
     view.record(t, valve);
     const double error = (valve - robot.pose(tool).translation()).norm();
+    view.log().set(off, error);
     const double tilt = std::acos(std::min(1.0, plant.base()(2, 2)));
     if (t > 10) result.tool = std::max(result.tool, error);
     result.attitude = std::max(result.attitude, tilt);

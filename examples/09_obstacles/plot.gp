@@ -24,9 +24,9 @@ unset object 1
 set size noratio
 set title 'smallest distances'
 set xlabel 't (s)'
-set ylabel 'm'
+set ylabel 'distance (m)'
 set xrange [0:44]
-set yrange [0:0.3]
+set yrange [0:0.4]
 plot csv using 1:7 with lines lw 2 lc rgb '#1f77b4' title 'to obstacles', \
   csv using 1:8 with lines lw 2 lc rgb '#ff7f0e' title 'to itself', \
   0.02 with lines dt 2 lc rgb '#555555' title 'asked: 0.02'

@@ -96,6 +96,16 @@ void report_mount(const char* name, const std::vector<Pose>& each, const Pose& t
               1e3 * std::sqrt(angle), 1e3 * mean.position, 1e3 * mean.orientation);
 }
 
+// The board on the wrist as the left camera sees it, with the corners that were found [Fig. 11].
+void write_board(const std::string& folder, const cv::Mat& picture,
+                 const std::vector<cv::Point2f>& corners) {
+  cv::Mat color;
+  cv::cvtColor(picture, color, cv::COLOR_GRAY2BGR);
+  cv::drawChessboardCorners(color, board_corners, corners, true);
+  cv::imwrite(folder + "/board.png", perception::thumbnail(color, 500));
+  std::printf("\nthe board on the wrist: %zu corners found\n", corners.size());
+}
+
 int main(int argc, char** argv) {
   const auto arguments = support::parse(
       argc, argv, "Cameras behind flat ports: calibration in air, in water, on the arm.",
@@ -139,6 +149,8 @@ int main(int argc, char** argv) {
                   1e3 * w.in_camera, 1e3 * w.in_arm);
     }
   }
+
+  if (!views.empty()) write_board(arguments.output, wrist.picture(), views.front().corners);
 
   // A pipe through the ports; the left picture as it is and rectified by both sets [Fig. 12].
   std::printf("\nthe axis of a pipe (mm)   in-air parameters   in-water parameters\n");

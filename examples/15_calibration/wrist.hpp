@@ -48,6 +48,9 @@ class WristBoard {
   const Pose& camera() const { return camera_; }
   const Pose& board() const { return board_; }
 
+  /// The first picture of `take` in which the board was found.
+  const cv::Mat& picture() const { return first_; }
+
   /// Postures about the folded arm, joints known to 0.5 mrad. Only the board is drawn.
   std::vector<WristView> take(const PortCamera& camera, int views, std::uint64_t seed) {
     cv::RNG random(seed);
@@ -61,8 +64,11 @@ class WristBoard {
       }
       const Pose seen = camera_.inverse() * wrist(q) * board_;
       if (!sees(camera, seen) || seen.linear()(2, 2) < 0.8) continue;
-      auto corners = find_board(render_board(camera, seen, random));
-      if (!corners.empty()) result.push_back({wrist(measured), std::move(corners)});
+      const cv::Mat picture = render_board(camera, seen, random);
+      auto corners = find_board(picture);
+      if (corners.empty()) continue;
+      if (result.empty()) first_ = picture;
+      result.push_back({wrist(measured), std::move(corners)});
     }
     return result;
   }
@@ -76,6 +82,7 @@ class WristBoard {
 
   perception::Robot robot_;
   Pose board_ = Pose::Identity(), camera_;
+  cv::Mat first_;
 };
 
 /// ᵇT_c of each view. `board` is ⁶T_k.

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Runs the mission of a YAML file on a plant without dynamics, prints its phases and writes CSV.
+// Runs the mission of a YAML file on a plant without dynamics, prints its phases, writes CSV and a
+// replay.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <icat/adapters/yaml_schema.hpp>
@@ -7,6 +8,7 @@
 
 #include "../support/csv.hpp"
 #include "run.hpp"
+#include "view.hpp"
 
 namespace {
 
@@ -17,7 +19,7 @@ std::string column_name(std::string prefix, const std::string& name) {
 }
 
 int run_file(const std::string& file, const std::string& output, const std::string& changes,
-             double at) {
+             double at, bool z_down) {
   icat::Configuration config = icat::load_yaml(file);
   if (!config.mission()) {
     std::fprintf(stderr, "%s: has no 'mission', so there is nothing to run\n", file.c_str());
@@ -41,6 +43,7 @@ int run_file(const std::string& file, const std::string& output, const std::stri
     header.append(column_name(",activation_", name)).append(column_name(",reference_", name));
   }
   support::Csv csv(output, "run.csv", header);
+  run::View view(config, file, z_down);
 
   const icat::Mission& mission = *config.mission();
   std::size_t phase = mission.phases().size();
@@ -63,12 +66,14 @@ int run_file(const std::string& file, const std::string& output, const std::stri
           row.push_back(task->reference().norm());
         }
         csv.row(t, static_cast<double>(phase), state.q, config.controller().command(), row);
+        view.record(t);
       });
   const bool success = mission.end() == icat::PhaseEnd::success;
   const char* end = mission.end() == icat::PhaseEnd::none ? icat::describe(status)
                     : success                             ? "success"
                                                           : "failure";
   std::printf("%s: %s\nCSV in %s\n", std::string(mission.phase()).c_str(), end, output.c_str());
+  view.write(output);
   return success ? 0 : 1;
 }
 
@@ -77,12 +82,14 @@ int run_file(const std::string& file, const std::string& output, const std::stri
 int main(int argc, char** argv) {
   std::string file, output = "out/icat_run", changes;
   double at = 0;
-  bool schema = false, keys = false, check = false;
+  bool schema = false, keys = false, check = false, z_down = false;
   CLI::App app{"Runs the mission of a YAML file on a plant without dynamics."};
   app.add_option("mission", file, "the YAML file");
-  app.add_option("--output", output, "folder of the CSV file")->capture_default_str();
+  app.add_option("--output", output, "folder of the CSV file and the replay")
+      ->capture_default_str();
   CLI::Option* with = app.add_option("--changes", changes, "a file with other gains and goals");
   app.add_option("--at", at, "when they are applied, s")->needs(with)->capture_default_str();
+  app.add_flag("--z-down", z_down, "the world's z axis points down, for the replay");
   app.add_flag("--check", check, "read the file, run nothing");
   app.add_flag("--schema", schema, "print the JSON schema for editors");
   app.add_flag("--keys", keys, "print all keys, as Markdown");
@@ -94,7 +101,7 @@ int main(int argc, char** argv) {
     return 2;
   }
   try {
-    if (!check) return run_file(file, output, changes, at);
+    if (!check) return run_file(file, output, changes, at, z_down);
     (void)icat::load_yaml(file);
     return 0;
   } catch (const std::invalid_argument& error) {

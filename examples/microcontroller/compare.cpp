@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // On the host: compares what the targets printed with what the host computed, prints a table, and
-// fails where a target is wrong.
+// fails where a target is wrong. Writes the velocities of the control cycles for plot.gp.
 //
-//     compare <host> <host without packets> <host in double> {<processor> <target>}...
+//     compare <cycles.csv> <host> <host without packets> <host in double> {<processor> <target>}...
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -65,6 +65,21 @@ Run read(const std::string& file) {
   return run;
 }
 
+double number(std::uint32_t bits) { return static_cast<double>(std::bit_cast<float>(bits)); }
+
+/// A line for each control cycle: t, the host's 13 velocities, then those of each target.
+void write_cycles(const std::string& file, const std::vector<Run>& runs) {
+  std::ofstream csv(file);
+  for (std::size_t i = 0; i < runs[0].velocities.at("cycle").size(); ++i) {
+    csv << 0.01 * static_cast<double>(i);
+    for (const Run& run : runs) {
+      for (const std::uint32_t x : run.velocities.at("cycle").at(i)) csv << "," << number(x);
+    }
+    csv << "\n";
+  }
+  if (!csv) fail("cannot write " + file);
+}
+
 /// Of two runs, in solves or cycles.
 struct Difference {
   double largest = 0;
@@ -79,8 +94,7 @@ Difference compare(const Run& run, const Run& reference, const char* kind) {
   for (std::size_t i = 0; i < a.size(); ++i) {
     difference.equal += a[i] == b[i];
     for (std::size_t j = 0; j < a[i].size(); ++j) {
-      const double d = std::abs(static_cast<double>(std::bit_cast<float>(a[i][j])) -
-                                static_cast<double>(std::bit_cast<float>(b[i][j])));
+      const double d = std::abs(number(a[i][j]) - number(b[i][j]));
       if (!std::isfinite(d)) fail("a velocity that is not finite");
       difference.largest = std::max(difference.largest, d);
     }
@@ -91,8 +105,9 @@ Difference compare(const Run& run, const Run& reference, const char* kind) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc < 6 || argc % 2 != 0) fail("wrong arguments");
-  const Run host = read(argv[1]), no_packets = read(argv[2]), in_double = read(argv[3]);
+  if (argc < 7 || argc % 2 == 0) fail("wrong arguments");
+  const Run host = read(argv[2]), no_packets = read(argv[3]), in_double = read(argv[4]);
+  std::vector<Run> shown{host};
 
   std::printf(
       "| processor | flash, bytes | of it the recorded hierarchies | static memory | arena | of it "
@@ -101,9 +116,10 @@ int main(int argc, char** argv) {
       "equal in every bit |\n"
       "|---|---|---|---|---|---|---|---|---|---|---|\n");
   bool good = true;
-  for (int i = 4; i + 1 < argc; i += 2) {
+  for (int i = 5; i + 1 < argc; i += 2) {
     const std::string name = argv[i];
     const Run target = read(argv[i + 1]);
+    shown.push_back(target);
     const auto figure = [&](const char* what) {
       const auto found = target.figures.find(what);
       if (found == target.figures.end()) fail(name + " did not print its " + what);
@@ -137,5 +153,6 @@ int main(int argc, char** argv) {
       "double by %.1e in the solves and by %.1e in the cycles.\n",
       tolerance, compare(host, in_double, "solve").largest,
       compare(host, in_double, "cycle").largest);
+  write_cycles(argv[1], shown);
   return good ? 0 : 1;
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // node screenshot.js <replay.html> <picture.png> <time> [<azimuth> <elevation> <distance factor> <width> <height>]
-// The picture of README.md: docs/replay.md says how it is made.
+// The pictures of README.md and docs/gallery.md: docs/replay.md and scripts/gallery.sh say how they are made.
 const path = require("path");
 const { open } = require("./page.js");
 
@@ -14,6 +14,11 @@ const { open } = require("./page.js");
     if (e) window.replay.orbit.elevation = e;
     if (d) window.replay.orbit.distance *= d;
     window.replay.seek(t);
+    // What the foot of the page would cut is left out.
+    const foot = document.querySelector("footer").getBoundingClientRect().top;
+    for (const card of document.querySelectorAll(".plot")) {
+      if (card.getBoundingClientRect().bottom > foot) card.style.visibility = "hidden";
+    }
   }, [time, azimuth, elevation, nearer].map(Number));
   await page.screenshot({ path: picture });
   await browser.close();
