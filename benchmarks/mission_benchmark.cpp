@@ -49,25 +49,24 @@ int main() {
   // Every cycle of the variant with both TPIKs: its hierarchy, and the cycle run once more.
   std::vector<bench::Hierarchy<double>> recorded;
   std::vector<double> cycle;
-  grasp::run({.current = true, .compensation = true}, 0.01,
-             [&](auto& robot, auto& controller, double t, const grasp::Vector6& v) {
-               bench::Hierarchy<double> levels;
-               std::size_t i = 0;
-               for (const auto& level : controller.first().hierarchy()) {
-                 for (const auto& entry : level) {
-                   const double phase = controller.first().phase_activations()[i++];
-                   levels.push_back({entry.task->jacobian(), phase * entry.task->activation(),
-                                     entry.task->reference()});
-                 }
-               }
-               recorded.push_back(std::move(levels));
-               const icat::Vector<double, 7> q = robot.q();
-               const grasp::Pose vehicle = robot.pose(robot.base());
-               const auto start = Clock::now();
-               (void)robot.update(q, vehicle);
-               (void)controller.step(t, v);
-               cycle.push_back(us_since(start));
-             });
+  grasp::run({.current = true, .compensation = true}, 0.01, [&](const grasp::Cycle& now) {
+    bench::Hierarchy<double> levels;
+    std::size_t i = 0;
+    for (const auto& level : now.controller.first().hierarchy()) {
+      for (const auto& entry : level) {
+        const double phase = now.controller.first().phase_activations()[i++];
+        levels.push_back(
+            {entry.task->jacobian(), phase * entry.task->activation(), entry.task->reference()});
+      }
+    }
+    recorded.push_back(std::move(levels));
+    const icat::Vector<double, 7> q = now.robot.q();
+    const grasp::Pose vehicle = now.robot.pose(now.robot.base());
+    const auto start = Clock::now();
+    (void)now.robot.update(q, vehicle);
+    (void)now.controller.step(now.t, now.vehicle_velocity);
+    cycle.push_back(us_since(start));
+  });
 
   constexpr int solves = 100'000;
   icat::Tpik<double, 13> tpik;

@@ -8,8 +8,8 @@
 # Above every block of C++, Python or YAML in a page stands where it comes from, by a path from the
 # root:
 #
-#   <!-- snippet: tests/test_tutorial.cpp [robot] -->    between the two lines //! [robot]; in a
-#                                                        file of Python or YAML #! [robot]
+#   <!-- snippet: tests/test_tutorial.cpp [class] -->    between the two lines //! [class]; in a
+#                                                        file of Python or YAML #! [class]
 #   <!-- snippet: examples/00_reach/main.cpp -->         the file without its first line (SPDX)
 #
 # The block is that text word for word, less the indentation of its first line.

@@ -79,6 +79,44 @@ TEST(CooperativeMission, InACurrentTheArmsCompensate) {
   EXPECT_LT(with.step, 0.15);  // the arms do what the vehicles would do otherwise
 }
 
+// Agents are explained as controllers are: what each task loses adds up, with the vehicle as it is
+// measured, and in a mission that goes well nothing alarms.
+TEST(CooperativeMission, AgentsExplainThemselves) {
+  using Explainer = icat::Explainer<icat::Agent<Robot>>;
+  for (const bool compensation : {false, true}) {
+    std::array<std::unique_ptr<Explainer>, 2> why;
+    int alarms = 0, by_the_agreement = 0, by_the_base = 0;
+    double worst = 0, held = 0;
+    int cycle = 0;
+    const Result r =
+        run({.current = true, .compensation = compensation}, [&](double, const Agents& agents) {
+          if (cycle++ % 5 != 0) return;
+          for (std::size_t i = 0; i < 2; ++i) {
+            if (!why[i]) why[i] = std::make_unique<Explainer>(*agents[i]);
+            why[i]->update();
+            if (why[i]->alarm() && ++alarms == 1) ADD_FAILURE() << why[i]->text();
+            for (const auto& t : why[i]->tasks()) {
+              double sum = 0;
+              for (const auto& share : t.shares) {
+                sum += share.amount;
+                if (share.cause == icat::LossCause::held)
+                  held = std::max(held, std::abs(share.amount));
+                by_the_base += share.cause == icat::LossCause::base;
+                by_the_agreement += share.task == "agreed velocity";
+              }
+              worst = std::max(worst, std::abs(sum - t.loss));
+            }
+          }
+        });
+    EXPECT_EQ(r.outcome, "done");
+    EXPECT_EQ(alarms, 0);
+    EXPECT_LT(worst, 1e-9);
+    EXPECT_LT(held, 1e-9);  // no answer is an old one
+    EXPECT_GT(by_the_agreement, 0);
+    EXPECT_EQ(by_the_base > 0, compensation);  // only then it is measured
+  }
+}
+
 // A phase that is not through in time is not followed by the next one.
 TEST(CooperativeMission, TimeOutsFail) {
   const Result late = run({.patience = 0.3});  // 5 s for the 6 s of the way

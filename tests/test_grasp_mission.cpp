@@ -88,8 +88,8 @@ TEST(GraspMission, NoExplanationAlarms) {
   std::unique_ptr<icat::Explainer<Controller>> why;
   int cycles = 0, alarms = 0;
   double worst = 0;
-  const auto observe = [&](const auto&, const Controller& controller, double, const auto&) {
-    if (!why) why = std::make_unique<icat::Explainer<Controller>>(controller);
+  const auto observe = [&](const grasp::Cycle& now) {
+    if (!why) why = std::make_unique<icat::Explainer<Controller>>(now.controller);
     why->update();
     ++cycles;
     if (why->alarm() && ++alarms == 1) ADD_FAILURE() << why->text();

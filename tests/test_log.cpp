@@ -247,6 +247,29 @@ TEST_F(ControllerLogTest, RecordsRobotTasksAndReportByName) {
   EXPECT_THROW(icat::ControllerLog(other, controller, {.frames = {"tail"}}), std::invalid_argument);
 }
 
+// What is achieved counts the base as it is measured: what the joints do is for that.
+TEST_F(ControllerLogTest, AParallelControllerAchievesWithTheBaseAsMeasured) {
+  icat::Pose<double> goal = robot.pose(robot.frame("tool"));
+  goal.translation().x() += 0.1;
+  icat::task::FramePose reach(robot, robot.frame("tool"), goal);
+  icat::ParallelController controller(robot, {{"go", {{reach}}}}, {.characteristic_length = 1});
+  Log log({.samples = 5});
+  icat::ControllerLog recorder(log, controller);
+  ASSERT_EQ(controller.start("go", 0), icat::Status::ok);
+  icat::Vector6<double> drift = icat::Vector6<double>::Zero();
+  drift(1) = 0.05;  // m/s
+  ASSERT_EQ(controller.step(0.01, drift), icat::Status::ok);
+  ASSERT_TRUE(log.begin(0.01));
+  recorder.record();
+  const auto off = [&](const icat::Vector<double, 13>& y) {
+    return (reach.reference() - reach.jacobian() * y).norm();
+  };
+  icat::Vector<double, 13> moves = controller.velocity();
+  moves.tail<6>() = drift;
+  EXPECT_NEAR(log.values(channel(log, "error/" + reach.name()), 0)[0], off(moves), 1e-12);
+  EXPECT_GT(std::abs(off(controller.velocity()) - off(moves)), 0.01);  // of what is commanded
+}
+
 TEST_F(ControllerLogTest, RecordsAParallelControllerWithoutAllocation) {
 #ifdef ICAT_TEST_NO_MALLOC_COUNT
   GTEST_SKIP() << "sanitizers interpose malloc";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The code of docs/tutorial.md.
+// Code that pages show: docs/tutorial.md, docs/robots.md, docs/safety.md, docs/tasks.md, README.md.
 #include <gtest/gtest.h>
 
 #include <icat/icat.hpp>
@@ -7,13 +7,11 @@
 
 namespace {
 
-//! [robot]
 using Robot = icat::KinematicTree<double, 13>;  // seven joints and the vehicle's six velocities
 
 Robot make_robot() {
   return icat::uvms(icat::maris_arm<double>(), {.arm = icat::maris_arm_mount<double>()});
 }
-//! [robot]
 
 //! [class]
 // The frame stays above the seabed: altitude = seabed − z ≥ minimum (z points down).
@@ -47,7 +45,6 @@ class Altitude : public icat::ReactiveTask<Robot> {
 };
 //! [class]
 
-//! [lambda]
 auto make_altitude_task(const Robot& robot, icat::FrameId frame, double seabed) {
   const auto altitude = [=](const Robot& r, auto x, auto J) {
     x(0) = seabed - r.pose(frame).translation().z();
@@ -57,7 +54,6 @@ auto make_altitude_task(const Robot& robot, icat::FrameId frame, double seabed) 
       robot, icat::Objective<double>::at_least(0.3, 0.1), altitude,
       {.name = "altitude", .gain = 1.0, .max_rate = 0.2, .length_power = 1});  // metres
 }
-//! [lambda]
 
 icat::Vector<double, 7> shape() {
   icat::Vector<double, 7> q;
@@ -167,7 +163,6 @@ TEST(Tutorial, TheJacobianIsChecked) {
 }
 
 TEST(Tutorial, TheToolStaysAboveTheSeabed) {
-  //! [use]
   Robot robot = make_robot();
   const icat::FrameId tool = robot.frame("tool");
   icat::KinematicPlant plant(robot, {.q = shape()});
@@ -186,7 +181,6 @@ TEST(Tutorial, TheToolStaysAboveTheSeabed) {
     ASSERT_EQ(controller.step(t), icat::Status::ok);
     plant.step(controller.command(), t, 0.01);
   }
-  //! [use]
   const icat::Vector3<double> error = goal.translation() - robot.pose(tool).translation();
   const double height = seabed - robot.pose(tool).translation().z();
   EXPECT_GE(height, 0.3);

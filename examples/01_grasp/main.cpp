@@ -5,6 +5,7 @@
 
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
+#include "../support/reasons.hpp"
 #include "../support/replay.hpp"
 #include "../support/support.hpp"
 #include "mission.hpp"
@@ -61,7 +62,10 @@ void write_scene(const std::string& folder, const grasp::Result& r) {
   add(end);
 }
 
-void add_to(support::Replay& replay, const NamedVariant& v, const grasp::Result& r) {
+using Sentences = std::vector<std::pair<double, std::string>>;
+
+void add_to(support::Replay& replay, const NamedVariant& v, const grasp::Result& r,
+            const Sentences& reasons) {
   support::UvmsRun run(replay, v.name, v.title, r.samples.size());
   icat::Log& log = run.log();
   const auto position = log.add("error/tool position", "m"),
@@ -74,12 +78,16 @@ void add_to(support::Replay& replay, const NamedVariant& v, const grasp::Result&
   run.add_goal(grasp::grasp_goal());
   run.add_goal(grasp::lift_goal());
   run.add_vehicle(support::pose(grasp::companion, 0, 0, 0), grasp::companion_distance);
+  auto reason = reasons.begin();
   for (const auto& s : r.samples) {
     if (!log.begin(s.t)) continue;
     run.record(0, s, s.activations.data());
     log.set(position, s.position_error);
     log.set(orientation, s.orientation_error);
     log.phase(s.t, s.action);
+    for (; reason != reasons.end() && reason->first <= s.t; ++reason) {
+      log.explain(s.t, reason->second);
+    }
   }
 }
 
@@ -133,14 +141,24 @@ int main(int argc, char** argv) {
   for (const auto& v : variants) {
     if (!arguments.variant.empty() && arguments.variant != v.name) continue;
     const std::clock_t begin = std::clock();
-    const grasp::Result r = grasp::run(v.variant);
-    print(v, r, static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
+    support::Reasons<icat::ParallelController<grasp::Robot>> compensated;
+    support::Reasons<icat::Controller<grasp::Robot>> plain;
+    const grasp::Result r = grasp::run(v.variant, 0.01, [&](const grasp::Cycle& now) {
+      if (v.variant.compensation) {
+        compensated.record(now.t, now.controller);
+      } else {
+        plain.record(now.t, now.whole_body);
+      }
+    });
+    print(v, r,
+          static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC - compensated.seconds() -
+              plain.seconds());
     if (v.variant.current) (v.variant.compensation ? with : without) = r.steady_error;
     all_well = all_well && r.outcome == "lifted" && r.violations.empty();
     const std::string folder = arguments.output + "/" + v.name;
     write_csv(folder, r);
     write_scene(folder, r);
-    add_to(replay, v, r);
+    add_to(replay, v, r, v.variant.compensation ? compensated.sentences() : plain.sentences());
     if (drawn) drawn = draw(folder, v.title, r);
   }
   if (with > 0 && without > 0) {

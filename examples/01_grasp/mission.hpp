@@ -86,6 +86,15 @@ struct Result {
   icat::Status status = icat::Status::ok;  ///< of the last cycle
 };
 
+/// What every cycle shows at its end.
+struct Cycle {
+  double t;
+  Robot& robot;
+  icat::ParallelController<Robot>& controller;  ///< moves the robot with compensation
+  icat::Controller<Robot>& whole_body;          ///< moves it without
+  const Vector6& vehicle_velocity;              ///< as it was measured
+};
+
 // Thresholds of the inequality objectives.
 inline constexpr double minimum_manipulability = 0.08;
 inline constexpr double maximum_centering = 0.2;
@@ -102,8 +111,7 @@ inline icat::Columns given(const Variant& variant) {
   return variant.underactuated ? icat::ColumnRange{10, 2} : icat::ColumnRange{};
 }
 
-/// Runs the mission on `back_end` with a period of `dt`. Every cycle ends with `observe(robot,
-/// controller, t, vehicle_velocity)`.
+/// Runs the mission on `back_end` with a period of `dt`. Every cycle ends with `observe(cycle)`.
 template <icat::BackEnd<Robot> BackEnd, class Observe>
 Result run(const Variant& variant, double dt, BackEnd& back_end, Observe observe) {
   Robot robot = make_robot();
@@ -299,7 +307,8 @@ Result run(const Variant& variant, double dt, BackEnd& back_end, Observe observe
           back_end.write(t, variant.compensation ? controller.command() : whole_body.command());
     }
     //! [loop]
-    observe(robot, controller, t, Vector6(state.velocity.tail<6>()));
+    const Vector6 vehicle_velocity = state.velocity.tail<6>();
+    observe(Cycle{t, robot, controller, whole_body, vehicle_velocity});
     measure(t);
     result.largest_step = std::max(result.largest_step, (s.command - last).norm());
     last = s.command;
@@ -354,7 +363,7 @@ Result run(const Variant& variant, double dt, Observe observe) {
   return run(variant, dt, back_end, observe);
 }
 inline Result run(const Variant& variant, double dt = 0.01) {
-  return run(variant, dt, [](const auto&...) {});
+  return run(variant, dt, [](const Cycle&) {});
 }
 
 }  // namespace grasp

@@ -9,6 +9,7 @@
 
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
+#include "../support/reasons.hpp"
 #include "../support/replay.hpp"
 #include "../support/support.hpp"
 #include "mission.hpp"
@@ -101,7 +102,10 @@ void write_scene(const fs::path& folder, const cooperation::Result& r) {
   }
 }
 
-void add_to(support::Replay& replay, const NamedVariant& v, const cooperation::Result& r) {
+using Reasons = std::array<support::Reasons<icat::Agent<cooperation::Robot>>, 2>;
+
+void add_to(support::Replay& replay, const NamedVariant& v, const cooperation::Result& r,
+            const Reasons& reasons) {
   support::UvmsRun run(replay, v.name, v.title, r.samples.size());
   icat::Log& log = run.log();
   std::vector<std::string> tasks(cooperation::task_names.begin(), cooperation::task_names.end());
@@ -121,6 +125,8 @@ void add_to(support::Replay& replay, const NamedVariant& v, const cooperation::R
   run.add_path("object");
   run.add_ground(1.5, 2.5, 3.06);
   bool held = false;
+  std::size_t reason = 0;
+  const auto &of_a = reasons[0].sentences(), &of_b = reasons[1].sentences();
   for (const auto& s : r.samples) {
     if (!log.begin(s.t)) continue;
     for (std::size_t i = 0; i < 2; ++i) run.record(i, s.robots[i], s.robots[i].activations.data());
@@ -132,6 +138,9 @@ void add_to(support::Replay& replay, const NamedVariant& v, const cooperation::R
     log.phase(s.t, cooperation::phase_names[s.phase]);
     if (s.grasped != held) log.event(s.t, held ? "both let go of the pipe" : "both hold the pipe");
     held = s.grasped;
+    for (; reason < of_a.size() && of_a[reason].first <= s.t; ++reason) {
+      log.explain(s.t, "a: " + of_a[reason].second + "\nb: " + of_b[reason].second);
+    }
   }
 }
 
@@ -302,10 +311,17 @@ int main(int argc, char** argv) {
     if (!arguments.variant.empty() && arguments.variant != v.name) continue;
     const std::clock_t begin = std::clock();
     double seconds = 0;
+    Reasons reasons;
     {
       support::ProgressBar bar(v.name);
-      results[v.name] = cooperation::run(v.variant, [&](double t) { bar.show(t / 60); });
-      seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+      results[v.name] =
+          cooperation::run(v.variant, [&](double t, const cooperation::Agents& agents) {
+            bar.show(t / 60);
+            if (v.variant.centralized) return;  // one solver for both, and nothing explains it
+            for (std::size_t i = 0; i < 2; ++i) reasons[i].record(t, *agents[i]);
+          });
+      seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC - reasons[0].seconds() -
+                reasons[1].seconds();
     }
     const auto& r = results[v.name];
     print_figures(v, r, seconds);
@@ -314,7 +330,7 @@ int main(int argc, char** argv) {
     const fs::path folder = fs::path(arguments.output) / v.name;
     write_csv(folder, r);
     write_scene(folder, r);
-    add_to(replay, v, r);
+    add_to(replay, v, r, reasons);
     if (drawn) drawn = draw(folder, v.title, r);
   }
   print_phases(results, false);

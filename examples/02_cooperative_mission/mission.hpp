@@ -256,8 +256,11 @@ inline double alternation(double d1, double d2, double d3) {
   return std::min({std::abs(d1), std::abs(d2), std::abs(d3)});
 }
 
-/// Runs the mission; `progress(t)` is called every cycle.
-inline Result run(const Variant& variant, const std::function<void(double)>& progress = {}) {
+using Agents = std::array<std::unique_ptr<icat::Agent<Robot>>, 2>;
+
+/// Runs the mission; every cycle ends with `observe(t, agents)`.
+inline Result run(const Variant& variant,
+                  const std::function<void(double, const Agents&)>& observe = {}) {
   Side a(-1, variant), b(1, variant);
   const std::array<Side*, 2> sides{&a, &b};
 
@@ -474,7 +477,7 @@ inline Result run(const Variant& variant, const std::function<void(double)>& pro
       result.drift_angle = std::max(result.drift_angle, drift.orientation);
     }
     result.samples.push_back(s);
-    if (progress) progress(t);
+    if (observe) observe(t, agents);
     for (std::size_t i = 0; i < 2; ++i) {
       sides[i]->plant.step(command[i], t, dt);
     }

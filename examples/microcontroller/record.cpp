@@ -32,22 +32,21 @@ void print(const char* name, const char* size, const std::vector<Recorded>& cycl
 int main() {
   std::vector<Recorded> cycles;
   std::vector<icat::Index> level_rows;
-  const grasp::Result result =
-      grasp::run({}, 0.01, [&](const auto&, const auto& controller, double, const auto&) {
-        Recorded cycle;
-        level_rows.clear();
-        for (const auto& level : controller.first().levels()) {
-          level_rows.push_back(level.jacobian.rows());
-          for (icat::Index i = 0; i < level.jacobian.rows(); ++i) {
-            for (icat::Index j = 0; j < level.jacobian.cols(); ++j) {
-              cycle.jacobian.push_back(static_cast<float>(level.jacobian(i, j)));
-            }
-            cycle.activation.push_back(static_cast<float>(level.activation(i)));
-            cycle.reference.push_back(static_cast<float>(level.reference(i)));
-          }
+  const grasp::Result result = grasp::run({}, 0.01, [&](const grasp::Cycle& now) {
+    Recorded cycle;
+    level_rows.clear();
+    for (const auto& level : now.controller.first().levels()) {
+      level_rows.push_back(level.jacobian.rows());
+      for (icat::Index i = 0; i < level.jacobian.rows(); ++i) {
+        for (icat::Index j = 0; j < level.jacobian.cols(); ++j) {
+          cycle.jacobian.push_back(static_cast<float>(level.jacobian(i, j)));
         }
-        cycles.push_back(std::move(cycle));
-      });
+        cycle.activation.push_back(static_cast<float>(level.activation(i)));
+        cycle.reference.push_back(static_cast<float>(level.reference(i)));
+      }
+    }
+    cycles.push_back(std::move(cycle));
+  });
   if (!result.lifted || cycles.size() < wanted) {
     std::fprintf(stderr, "the mission failed\n");
     return 1;

@@ -21,6 +21,7 @@ struct RobotReplayOptions {
   double radius = 0.035;                      ///< of the links, m
   double ground = 0;                          ///< height of the grid in ⟨0⟩, m
   std::size_t samples = 13000;                ///< as many as are recorded
+  double period = 0.25;                       ///< s, between explanations: as often as one reads
 };
 
 /// See above. The controller must outlive it.
@@ -32,9 +33,10 @@ class RobotReplay {
         log_(replay.log()),
         controller_(controller),
         recorder_(log_, controller, {.frames = options.frames}),
-        explainer_(controller) {
+        explainer_(controller),
+        period_(options.period) {
     using icat::ReplayForm;
-    const auto& robot = controller.robot();
+    const auto& robot = this->robot();
     for (const auto& joint : robot.joints()) {
       links_.push_back(log_.add("link/" + joint.name, "m", icat::LogKind::point));
     }
@@ -96,14 +98,13 @@ class RobotReplay {
   void record(double t) {
     if (!log_.begin(t)) return;
     recorder_.record();
-    const auto& robot = controller_.robot();
     for (std::size_t i = 0; i < links_.size(); ++i) {
-      const auto& p = robot.axis_point(static_cast<icat::Index>(i));
+      const auto& p = robot().axis_point(static_cast<icat::Index>(i));
       log_.set(links_[i], p(0), p(1), p(2));
     }
     log_.phase(t, controller_.action());
     if (t < next_explanation_) return;
-    next_explanation_ = t + 0.25;  // s: as often as a person reads
+    next_explanation_ = t + period_;
     explainer_.update();
     log_.explain(t, explainer_.conclusion());
   }
@@ -117,6 +118,14 @@ class RobotReplay {
   icat::Log& log() { return log_; }
 
  private:
+  const auto& robot() const {
+    if constexpr (requires { controller_.first(); }) {
+      return controller_.first().robot();
+    } else {
+      return controller_.robot();
+    }
+  }
+
   icat::ReplayRun& run_;
   icat::Log& log_;
   const Controller& controller_;
@@ -124,7 +133,7 @@ class RobotReplay {
   std::vector<icat::LogChannel> links_;
   icat::LogChannel goal_;
   icat::Explainer<Controller> explainer_;
-  double next_explanation_ = 0;
+  double period_, next_explanation_ = 0;
 };
 
 }  // namespace support

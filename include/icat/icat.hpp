@@ -30,6 +30,7 @@
 #include "icat/control/vehicle_loop.hpp"
 #include "icat/control/wrist_wrench.hpp"
 #include "icat/cooperation/agent.hpp"
+#include "icat/cooperation/agent_inside.hpp"
 #include "icat/cooperation/agreement.hpp"
 #include "icat/cooperation/centralized.hpp"
 #include "icat/cooperation/fusion.hpp"

@@ -20,6 +20,7 @@ namespace icat {
 
 namespace detail {
 
+template <class C>
 struct Inside;  // what explains a controller reads it: see explain.hpp
 
 /// No step may be longer than the reaction that the limits count on.
@@ -182,7 +183,7 @@ class Controller {
   const StepClock& clock() const noexcept { return solver_.clock(); }
 
  private:
-  friend struct detail::Inside;
+  friend struct detail::Inside<Controller>;
 
   // Of a stamp without a cycle.
   double pending() const noexcept { return solver_.clock().elapsed() - time_.last; }

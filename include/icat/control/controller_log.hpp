@@ -13,7 +13,8 @@
 ///     report/level <k>              ‖A (ẋ̄ − J ρ)‖ of the solver's level k, from 1
 ///     report/failed level           its number, 0: none
 ///
-/// with a prefix where a log has several robots. A task that stands twice in the unified hierarchy
+/// with a prefix where a log has several robots. In J ẏ the base moves as it is measured, where a
+/// `ParallelController` compensates for it. A task that stands twice in the unified hierarchy
 /// is called `<task> (2)` there. The error is one of rates, as every task has it; what it means in
 /// m or rad only the task knows: add a channel of your own for it.
 #pragma once
@@ -22,6 +23,7 @@
 #include <vector>
 
 #include "icat/action/level_stack.hpp"
+#include "icat/control/controller_inside.hpp"
 #include "icat/control/log.hpp"
 #include "icat/model/robot.hpp"
 
@@ -46,6 +48,7 @@ class ControllerLog {
     const auto& robot = layer().robot();
     const std::string& p = options.prefix;
     column_names_ = List<std::string>(static_cast<std::size_t>(robot.dof()));
+    moves_ = List<double>(column_names_.size());
     name_columns(robot);
     if constexpr (JointedRobot<Robot>) {
       for (const auto& j : robot.joints()) joints_.push_back(log.add(p + "joint/" + j.name));
@@ -73,8 +76,12 @@ class ControllerLog {
       }
     }
     const auto& y = controller_.velocity();
+    const auto& measured = detail::Inside<C>::measured(controller_);
+    const ColumnRange base = detail::Inside<C>::measured_base(controller_);
     for (std::size_t i = 0; i < velocity_.size(); ++i) {
-      log_.set(velocity_[i], double(y(static_cast<Index>(i))));
+      const Index c = static_cast<Index>(i);
+      log_.set(velocity_[i], double(y(c)));
+      moves_[i] = double(base.holds(c) ? measured(c) : y(c));
     }
     if constexpr (FramedRobot<Robot>) {
       for (const Framed& f : frames_) log_.set(f.channel, robot.pose(f.frame));
@@ -164,12 +171,13 @@ class ControllerLog {
   }
   [[gnu::noinline]] void record(const Entry& e) noexcept {
     const auto& level = layer().levels()[e.level];
-    const auto& y = controller_.velocity();
     double largest = 0, sum = 0;
     for (Index i = 0; i < e.rows; ++i) {
       const Index r = e.first + i;
       double achieved = 0;
-      for (Index c = 0; c < y.size(); ++c) achieved += double(level.jacobian(r, c)) * double(y(c));
+      for (std::size_t c = 0; c < moves_.size(); ++c) {
+        achieved += double(level.jacobian(r, static_cast<Index>(c))) * moves_[c];
+      }
       const double reference = double(level.reference(r)), a = double(level.activation(r));
       if (a > largest) largest = a;
       const double off = a * (reference - achieved);
@@ -187,6 +195,7 @@ class ControllerLog {
   Log& log_;
   const C& controller_;
   List<std::string> column_names_;
+  List<double> moves_;  // ẏ, for what is achieved
   List<LogChannel> joints_, velocity_, levels_;
   List<Framed> frames_;
   List<Entry> entries_;

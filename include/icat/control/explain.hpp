@@ -69,8 +69,8 @@ class Explainer {
   /// Explains the last cycle, right after it: nothing may have changed since, but the robot's state
   /// may have.
   void update() noexcept {
-    const auto& ramp = detail::Inside::ramp(controller_);
-    status_ = detail::Inside::status(controller_);
+    const auto& ramp = detail::Inside<C>::ramp(controller_);
+    status_ = detail::Inside<C>::status(controller_);
     fading_ = ramp.gain() < 1 ? detail::Fading::recovers
               : ramp.runs()   ? detail::Fading::starts
                               : detail::Fading::stops;

@@ -102,7 +102,7 @@ class LossNames {
              bool up) const noexcept {
     if (furthest(share, over, Scalar(1))) return;
     if (stopped >= 0) {
-      const auto& bounds = Inside::bounds(controller_);
+      const auto& bounds = Inside<C>::bounds(controller_);
       share.column = stopped;
       share.limit = kind(stopped, up, up ? bounds.upper_of(stopped) : -bounds.lower_of(stopped));
       return;
@@ -133,7 +133,7 @@ class LossNames {
   }
 
  private:
-  const Actions& actions() const noexcept { return Inside::actions(controller_); }
+  const Actions& actions() const noexcept { return Inside<C>::actions(controller_); }
   // The task on level `k` that row `row` of the level belongs to.
   void task(Share& share, std::size_t k, Index row) const noexcept {
     share.level = static_cast<Index>(k);
@@ -148,8 +148,8 @@ class LossNames {
   }
   // The column whose velocity is the largest multiple of its bound, more than `least` times.
   bool furthest(Share& share, const Velocity& y, Scalar least) const noexcept {
-    const ColumnRange base = Inside::measured_base(controller_);
-    const auto& bounds = Inside::bounds(controller_);
+    const ColumnRange base = Inside<C>::measured_base(controller_);
+    const auto& bounds = Inside<C>::bounds(controller_);
     Scalar largest(0), most = least;
     for (Index c = 0; c < y.size(); ++c) largest = std::max(largest, std::abs(y(c)));
     const Scalar nothing = static_cast<Scalar>(1e-6) * largest;

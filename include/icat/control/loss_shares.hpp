@@ -54,21 +54,21 @@ class LossShares {
     for (Rows* x : {&direction_, &rates_, &wanted_, &possible_}) *x = zeros<Rows>(tallest());
   }
 
-  const Actions& actions() const noexcept { return Inside::actions(controller_); }
+  const Actions& actions() const noexcept { return Inside<C>::actions(controller_); }
   const UnifiedHierarchy<Robot>& hierarchy() const noexcept { return actions().hierarchy(); }
   /// Most shares of a task.
   std::size_t most() const noexcept { return hierarchy().size() + causes; }
 
   /// What all tasks share: the solutions of the whole cycle.
   void begin() noexcept {
-    const auto& ramp = Inside::ramp(controller_);
-    const auto& base_ramp = Inside::base_ramp(controller_);
-    const ColumnRange base = Inside::measured_base(controller_);
+    const auto& ramp = Inside<C>::ramp(controller_);
+    const auto& base_ramp = Inside<C>::base_ramp(controller_);
+    const ColumnRange base = Inside<C>::measured_base(controller_);
     steps_ = 0;
     stopped_ = -1;
     for (Index c = 0; c < dof(); ++c) {
       const bool given = actions().given(c);
-      const Scalar measured = Inside::measured(controller_)(c), y = controller_.velocity()(c);
+      const Scalar measured = Inside<C>::measured(controller_)(c), y = controller_.velocity()(c);
       actual_(c) = base.holds(c) ? measured : y;
       commanded_(c) = y;
       pushed_(c) = given ? y : base.holds(c) ? base_ramp.last_wanted()(c) : ramp.last_wanted()(c);
@@ -78,12 +78,12 @@ class LossShares {
     solve_all();
     step(failed_ < 0 ? LossCause::below : LossCause::refused, solver_.velocity());
     if (base.count > 0) move_base(base);
-    (void)solver_.set_bounds(Inside::bounds(controller_));
+    (void)solver_.set_bounds(Inside<C>::bounds(controller_));
     solve_all();
     step(LossCause::bound, solver_.velocity());
-    const bool solved = Inside::status(controller_) == Status::ok && base.count == 0;
+    const bool solved = Inside<C>::status(controller_) == Status::ok && base.count == 0;
     // In a cycle that was solved, it was solved again for a base at its limits.
-    command(solved ? LossCause::limit : LossCause::held, Inside::answer(controller_));
+    command(solved ? LossCause::limit : LossCause::held, Inside<C>::answer(controller_));
     command(LossCause::ramp, pushed_);
     step(LossCause::limit, actual_);
     (void)solver_.set_bounds(free_);
@@ -163,7 +163,7 @@ class LossShares {
     any_given_ = base.count > 0 || actions().any_given();
     for (Index c = 0; c < dof(); ++c) {
       const bool given = actions().given(c), moves = base.holds(c);
-      rho0_(c) = given ? Inside::measured(controller_)(c) : moves ? velocity(c) : Scalar(0);
+      rho0_(c) = given ? Inside<C>::measured(controller_)(c) : moves ? velocity(c) : Scalar(0);
       start_(c, c) = given || moves ? Scalar(0) : Scalar(1);
     }
   }
@@ -177,7 +177,7 @@ class LossShares {
     give(base, cycle_[0].velocity);
     (void)solver_.set_bounds(free_);
     move_base(LossCause::bound, base, change_);
-    move_base(LossCause::held, base, actions().velocity());
+    move_base(LossCause::held, base, Inside<C>::base_answer(controller_));
     move_base(LossCause::ramp, base, pushed_);
     move_base(LossCause::limit, base, commanded_);
     move_base(LossCause::base, base, actual_);
@@ -231,7 +231,7 @@ class LossShares {
   }
   // The same on the way to the command, which does not change what moves as measured.
   void command(LossCause cause, const Velocity& velocity) noexcept {
-    const ColumnRange base = Inside::measured_base(controller_);
+    const ColumnRange base = Inside<C>::measured_base(controller_);
     step(cause, velocity);
     for (Index c = 0; c < dof(); ++c) {
       if (base.holds(c) || actions().given(c)) cycle_[steps_ - 1].velocity(c) = actual_(c);
@@ -361,7 +361,7 @@ class LossShares {
         names_.bound(*share, cycle_[at - 1].velocity, cycle_[at].velocity, stopped_, stopped_up_);
       }
       if (share->cause == LossCause::limit) {
-        const bool parallel = Inside::measured_base(controller_).count > 0;
+        const bool parallel = Inside<C>::measured_base(controller_).count > 0;
         names_.limit(*share, parallel ? pushed_ : cycle_[steps_ - 4].velocity, pushed_, commanded_);
       }
       if (share->cause != LossCause::base) continue;

@@ -176,7 +176,7 @@ class ParallelController {
   }
 
  private:
-  friend struct detail::Inside;
+  friend struct detail::Inside<ParallelController>;
 
   struct Layer {
     Layer(Index n, const TimeOptions& options)

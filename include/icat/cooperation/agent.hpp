@@ -249,6 +249,8 @@ class Agent {
     }
     return on_tool(sum);
   }
+  /// Name of the action that runs or is being entered; empty before `start`.
+  std::string_view action() const noexcept { return own_.action(); }
   /// State of the exchange.
   const Agreement<Scalar>& agreement() const noexcept { return agreement_; }
   /// Its own hierarchy, step 1.
@@ -257,6 +259,8 @@ class Agent {
   const Actions& second() const noexcept { return second_; }
 
  private:
+  friend struct detail::Inside<Agent>;
+
   // Of a stamp without a cycle.
   double pending() const noexcept { return own_.clock().elapsed() - own_time_.last; }
   // All columns as chosen ones, the tool's reference as the six parameters.
