@@ -158,7 +158,7 @@ foreach(page IN LISTS pages)
   list(REMOVE_DUPLICATES names)
   foreach(name IN LISTS names)
     string(REPLACE "`" "" name "${name}")
-    if(name MATCHES "^build/")
+    if(name MATCHES "^(build|out)/")
       continue() # what a command of the page makes
     endif()
     if(NOT EXISTS "${root}/${name}" AND NOT EXISTS "${root}/include/icat/${name}")
