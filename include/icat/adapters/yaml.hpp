@@ -136,9 +136,11 @@ class Configuration {
     if (!std::isfinite(period_)) top.fail(top.at("period"), "'period' must be finite");
     const detail::Section robot = *top.section("robot");
     *parts_ = detail::robot_parts(robot);
-    robot_ = detail::at_place(robot, robot.node(), [&] {
-      return std::make_unique<ConfiguredRobot>(parts_->description);
-    });
+    try {
+      robot_ = std::make_unique<ConfiguredRobot>(parts_->description);
+    } catch (const std::invalid_argument& error) {
+      detail::wrong(*file_, detail::place_of(robot, error.what()), error.what());
+    }
     detail::add_frames(robot, *robot_);
     robot.finish();
     const detail::RobotContext context{*robot_, *parts_};

@@ -244,6 +244,11 @@ TEST(Yaml, NamesOfAWrongKindOfValue) {
     EXPECT_NE(refusal(small_with("tasks:", std::string("period: ") + period + "\ntasks:")), "");
   }
   EXPECT_NE(refusal(std::string(100000, '[')), "");
+  // What the robot says of a joint stands at the joint.
+  EXPECT_EQ(refusal(small_with("upper: 1 m", "upper: -1 m")).substr(0, 29),
+            "text:6:9: KinematicTree: join");
+  EXPECT_EQ(refusal(small_with("lower: -2,", "lower: -2, axis: [0, 0, 2],")).substr(0, 29),
+            "text:7:9: KinematicTree: join");
   EXPECT_THROW((void)icat::load_yaml(here + "no such file"), std::invalid_argument);
 }
 
