@@ -695,6 +695,19 @@ TEST_F(Explain, RefusesBadOptions) {
             "Explainer: blocked must be finite and > 0, got nan");
 }
 
+// Two causes may be large and of opposite sign.
+TEST(ExplainWords, PerCentHaveNoExponent) {
+  icat::LossShare<double> share;
+  share.cause = LossCause::below;
+  for (const auto& [amount, says] :
+       {std::pair(2.376, "2376 %"), {-0.291, "-291 %"}, {0.0, "(0 %"}, {-1e-6, "(0 %"}}) {
+    icat::detail::Words out;
+    share.amount = amount;
+    icat::detail::append_share(out, share, 0.1, "");
+    EXPECT_NE(out.text.find(says), std::string::npos) << out.text;
+  }
+}
+
 // --- docs/explain.md -----------------------------------------------------------------------------
 
 /// What is printed stands on the page, word for word.

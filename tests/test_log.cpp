@@ -3,9 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <fstream>
 #include <icat/adapters/csv.hpp>
 #include <icat/adapters/json_text.hpp>
 #include <icat/adapters/mcap.hpp>
+#include <icat/adapters/replay.hpp>
 #include <icat/control/controller.hpp>
 #include <icat/control/controller_log.hpp>
 #include <icat/control/parallel_controller.hpp>
@@ -151,6 +153,36 @@ TEST(Csv, HasOneLineOfNamesAndEmptyCellsWhereNothingIsSet) {
   EXPECT_FALSE(icat::write_csv(log, "/nowhere/at/all.csv"));
 }
 
+// A table with two columns of one name is read as one, or not at all.
+TEST(Csv, TellsNamesApart) {
+  Log log({.samples = 1});
+  for (const char* name : {"a b", "a_b", "a,b", "a_b_2", "time", "p/x"}) log.add(name);
+  log.add("p", "m", LogKind::point);
+  std::ostringstream text;
+  ASSERT_TRUE(icat::write_csv(log, text));
+  EXPECT_EQ(text.str(), "time,a_b,a_b_2,a_b_3,a_b_2_2,time_2,p/x,p/x_2,p/y,p/z\n");
+}
+
+// What writes and cannot flush says so, also where there is little to write.
+TEST(Files, SayThatADiskIsFull) {
+  if (!std::ofstream("/dev/full")) GTEST_SKIP() << "no /dev/full";
+  Log log({.samples = 1});
+  EXPECT_FALSE(icat::write_csv(log, "/dev/full"));
+  EXPECT_FALSE(icat::write_mcap(log, "/dev/full"));
+}
+
+TEST(Replay, InfinityIsAGapAndTheFinitePartKeepsItsScale) {
+  std::string is, gap;
+  icat::detail::replay_column(is, {1, INFINITY, -INFINITY, 1e300, NAN}, LogKind::number);
+  // 1, then what a float can say: ∞, −∞, its largest number, NaN.
+  std::string bytes;
+  for (const std::uint32_t x : {0x3f800000u, 0x7f800000u, 0xff800000u, 0x7f7fffffu, 0x7fc00000u}) {
+    icat::detail::put_integer(bytes, x);
+  }
+  icat::detail::base64(gap, bytes);
+  EXPECT_EQ(is, '"' + gap + '"');
+}
+
 TEST(JsonText, EscapesWhatWouldEndAStringOrAScript) {
   std::string json = "{";
   icat::detail::json_member(json, "a\"\\\n\x01", "</script> ü");
@@ -268,6 +300,29 @@ TEST_F(ControllerLogTest, AParallelControllerAchievesWithTheBaseAsMeasured) {
   moves.tail<6>() = drift;
   EXPECT_NEAR(log.values(channel(log, "error/" + reach.name()), 0)[0], off(moves), 1e-12);
   EXPECT_GT(std::abs(off(controller.velocity()) - off(moves)), 0.01);  // of what is commanded
+}
+
+// As `explain` and configurations call them.
+TEST_F(ControllerLogTest, ColumnsOfABaseAreCalledByTheirAxes) {
+  using Tree = icat::KinematicTree<double>;
+  const auto names = [](const icat::Base<double>& base) {
+    Tree tree({.joints = icat::axes_chain(icat::maris_arm<double>()), .base = base});
+    icat::task::JointLimits limits(tree);
+    icat::Controller controller(tree, {{"go", {{limits}}}});
+    Log log({.samples = 1});
+    const icat::ControllerLog recorder(log, controller);
+    std::string all;
+    for (std::size_t c = 0; c < log.channel_count(); ++c) {
+      if (log.name(c).starts_with("velocity/") && !log.name(c).starts_with("velocity/joint")) {
+        all += log.name(c).substr(9) + ", ";
+      }
+    }
+    return all;
+  };
+  EXPECT_EQ(names(icat::Base<double>::surface()), "surge, sway, yaw rate, ");
+  EXPECT_EQ(names(icat::Base<double>::differential_drive()), "surge, yaw rate, ");
+  EXPECT_EQ(names(icat::Base<double>::free()),
+            "surge, sway, heave, roll rate, pitch rate, yaw rate, ");
 }
 
 TEST_F(ControllerLogTest, RecordsAParallelControllerWithoutAllocation) {

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Runs the mission of a YAML file on a plant without dynamics, prints its phases, writes CSV and a
-// replay.
+// replay. If the mission fails, it says why.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <icat/adapters/yaml_schema.hpp>
+#include <icat/control/explain.hpp>
 #include <optional>
 
 #include "../support/csv.hpp"
@@ -12,10 +13,18 @@
 
 namespace {
 
+// Names are free in a configuration; in a line of CSV they are not.
 std::string column_name(std::string prefix, const std::string& name) {
-  prefix.append(name);
-  std::replace(prefix.begin(), prefix.end(), ' ', '_');
+  for (const char c : name) {
+    const bool good = static_cast<unsigned char>(c) > ' ' && c != ',' && c != ';' && c != '"';
+    prefix.append(1, good ? c : '_');
+  }
   return prefix;
+}
+
+std::string why(icat::ConfiguredController& controller) {
+  return controller.parallel() ? icat::explain(*controller.parallel()).text()
+                               : icat::explain(*controller.whole_body()).text();
 }
 
 int run_file(const std::string& file, const std::string& output, const std::string& changes,
@@ -72,7 +81,13 @@ int run_file(const std::string& file, const std::string& output, const std::stri
   const char* end = mission.end() == icat::PhaseEnd::none ? icat::describe(status)
                     : success                             ? "success"
                                                           : "failure";
-  std::printf("%s: %s\nCSV in %s\n", std::string(mission.phase()).c_str(), end, output.c_str());
+  std::printf("%s: %s\n", std::string(mission.phase()).c_str(), end);
+  if (!success) std::printf("\nThe last cycle:\n%s\n", why(config.controller()).c_str());
+  if (!csv.written()) {
+    std::fprintf(stderr, "%s/run.csv cannot be written\n", output.c_str());
+    return 2;
+  }
+  std::printf("CSV in %s\n", output.c_str());
   view.write(output);
   return success ? 0 : 1;
 }
@@ -104,7 +119,7 @@ int main(int argc, char** argv) {
     if (!check) return run_file(file, output, changes, at, z_down);
     (void)icat::load_yaml(file);
     return 0;
-  } catch (const std::invalid_argument& error) {
+  } catch (const std::exception& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return 2;
   }

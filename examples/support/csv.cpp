@@ -10,6 +10,9 @@ TextFile::TextFile(const std::string& folder, const std::string& name)
   std::filesystem::create_directories(folder);
   file_.reset(std::fopen((std::filesystem::path(folder) / name).c_str(), "w"));
 }
+bool TextFile::written() const {
+  return file_ && std::fflush(file_.get()) == 0 && std::ferror(file_.get()) == 0;
+}
 void TextFile::put(const char* text) {
   if (file_) std::fputs(text, file_.get());
 }

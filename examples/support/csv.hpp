@@ -13,6 +13,10 @@ namespace support {
 
 /// Numbers in a text file; where it cannot be opened, nowhere.
 class TextFile {
+ public:
+  /// All of it so far is in the file: it was opened, and the disk is not full.
+  bool written() const;
+
  protected:
   /// `folder` is created if need be.
   TextFile(const std::string& folder, const std::string& name);
@@ -26,6 +30,7 @@ class TextFile {
 /// Comma-separated, one line a row.
 class Csv : TextFile {
  public:
+  using TextFile::written;
   /// `header` names the columns.
   Csv(const std::string& folder, const std::string& name, const std::string& header);
   /// Each value is a number or a range of numbers, such as a vector.

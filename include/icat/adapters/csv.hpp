@@ -5,14 +5,16 @@
 /// does everything that reads tables.
 ///
 /// A blank, comma, semicolon or quote of a name becomes `_`: PlotJuggler takes the most frequent of
-/// them for the separator. A number that was not set is an empty cell. Numbers have the shortest
-/// text that reads as the same `double`.
+/// them for the separator. A name that stands there already gets a number at its end. A number that
+/// was not set is an empty cell. Numbers have the shortest text that reads as the same `double`.
 #pragma once
 
 #include <charconv>
 #include <cmath>
 #include <fstream>
+#include <set>
 #include <string>
+#include <string_view>
 
 #include "icat/control/log.hpp"
 
@@ -26,6 +28,24 @@ inline void csv_name(std::string& to, std::string_view name) {
     to += bad ? '_' : c;
   }
 }
+/// The names of a line, which are told apart.
+class CsvNames {
+ public:
+  /// `name` as it may stand there.
+  std::string add(std::string_view name) {
+    std::string good;
+    csv_name(good, name);
+    std::string unique = good;
+    for (int k = 2; !used_.insert(unique).second; ++k) {
+      unique = good;
+      unique.append("_").append(std::to_string(k));
+    }
+    return unique;
+  }
+
+ private:
+  std::set<std::string> used_;
+};
 inline void csv_number(std::string& to, double value) {
   char text[32];
   if (!std::isfinite(value)) return;
@@ -43,12 +63,12 @@ inline const char* log_component(LogKind kind, std::size_t i) noexcept {
 
 /// The samples, to a stream that the caller opened. False where the stream fails.
 [[nodiscard]] inline bool write_csv(const Log& log, std::ostream& to) {
-  std::string line = "time";
+  detail::CsvNames names;
+  std::string line = names.add("time");
   for (std::size_t c = 0; c < log.channel_count(); ++c) {
     for (std::size_t k = 0; k < Log::width(log.kind(c)); ++k) {
       line += ',';
-      detail::csv_name(line, log.name(c));
-      line += log_component(log.kind(c), k);
+      line += names.add(log.name(c) + log_component(log.kind(c), k));
     }
   }
   to << line << '\n';

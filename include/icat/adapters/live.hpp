@@ -8,13 +8,14 @@
 /// lock, allocation or system call. A thread of its own takes them out 50 times a second and sends
 /// them. Frames are lost, and counted, where the ring is full, and where a browser does not read as
 /// fast as they come: one message may be on its way to it, the frames that come meanwhile are
-/// dropped for it.
+/// dropped for it. A browser that comes late is told the phase and the explanation that hold.
 ///
 /// Anyone who can connect to the port can view the page; everything that a browser sends is
 /// discarded.
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/steady_timer.hpp>
@@ -103,13 +104,14 @@ class LiveClient : public std::enable_shared_from_this<LiveClient> {
                      });
   }
   /// Sends `count` frames, unless the message before is still on its way: then they are dropped.
-  /// `texts`, elements of JSON, wait for the next message.
-  void send(const std::string& frames, std::size_t count, const std::string& texts) {
+  /// `texts`, elements of JSON, wait for the next message; `before` are those that hold already,
+  /// for who comes late.
+  void send(const std::string& frames, std::size_t count, const std::string& before,
+            const std::string& texts) {
     if (!open_) return;
-    if (!texts.empty() && texts_.size() + texts.size() < most_waiting) {
-      json_comma(texts_);
-      texts_ += texts;
-    }
+    if (!greeted_) say(before);
+    greeted_ = true;
+    say(texts);
     if (sending_) {
       dropped_.fetch_add(count, std::memory_order_relaxed);
       return;
@@ -143,6 +145,11 @@ class LiveClient : public std::enable_shared_from_this<LiveClient> {
   }
 
  private:
+  void say(const std::string& texts) {
+    if (texts.empty() || texts_.size() + texts.size() >= most_waiting) return;
+    json_comma(texts_);
+    texts_ += texts;
+  }
   void answer() {
     namespace http = boost::beast::http;
     const bool root = request_.method() == http::verb::get && request_.target() == "/";
@@ -191,7 +198,7 @@ class LiveClient : public std::enable_shared_from_this<LiveClient> {
   boost::beast::http::request<boost::beast::http::string_body> request_;
   boost::beast::http::response<boost::beast::http::string_body> response_;
   std::string message_, texts_{"["};
-  bool open_{false}, closed_{false}, sending_{false};
+  bool open_{false}, closed_{false}, sending_{false}, greeted_{false};
 };
 
 }  // namespace detail
@@ -329,18 +336,26 @@ class Live {
       block_.append(reinterpret_cast<const char*>(f->data()), f->size() * sizeof(double));
       frames_.end_pop();
     }
+    before_.clear();
+    for (const std::string& text : holding_) {
+      if (text.empty()) continue;
+      detail::json_comma(before_);
+      before_ += text;
+    }
     for (const detail::LiveText* t; (t = texts_.begin_pop());) {
+      text_ = "[";
+      detail::json_number(text_, t->time);
+      text_ += ',';
+      detail::json_string(text_, detail::log_topic(t->topic));
+      text_ += ',';
+      detail::json_string(text_, {t->words, t->length});
+      text_ += ']';
       detail::json_comma(words_);
-      words_ += '[';
-      detail::json_number(words_, t->time);
-      words_ += ',';
-      detail::json_string(words_, detail::log_topic(t->topic));
-      words_ += ',';
-      detail::json_string(words_, {t->words, t->length});
-      words_ += ']';
+      words_ += text_;
+      if (t->topic != LogTopic::event) holding_[t->topic == LogTopic::phase ? 0 : 1] = text_;
       texts_.end_pop();
     }
-    for (const auto& client : clients_) client->send(block_, count, words_);
+    for (const auto& client : clients_) client->send(block_, count, before_, words_);
     sent_.fetch_add(count, std::memory_order_relaxed);
   }
 
@@ -355,7 +370,8 @@ class Live {
   boost::asio::ip::tcp::acceptor acceptor_;
   boost::asio::steady_timer timer_;
   std::vector<std::shared_ptr<detail::LiveClient>> clients_;
-  std::string block_, words_;  // of a tick
+  std::string block_, words_, before_, text_;  // of a tick
+  std::array<std::string, 2> holding_;         // the phase and the explanation
   bool accepting_{false};
   std::uint16_t port_{0};
   std::thread thread_;

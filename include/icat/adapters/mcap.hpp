@@ -8,7 +8,8 @@
 ///
 /// A character of a name that is no letter, digit or `_` becomes `_` in topics and fields, so that
 /// a path of Foxglove can name them; two names of a group that become the same are told apart by a
-/// number at the end. A number that was not set is left out. ⟨0⟩ of a vehicle is NED: choose "Z
+/// number at the end, and a group that would have the name of another topic above gets `_` at its
+/// end. A number that was not set is left out. ⟨0⟩ of a vehicle is NED: choose "Z
 /// down" in Foxglove's 3-D panel.
 #pragma once
 
@@ -91,7 +92,7 @@ struct McapGroup {
   std::uint16_t id{0};
 
   void add(std::size_t channel, std::string_view field) {
-    std::string name_of = mcap_name(field, false);
+    std::string name_of = field.empty() ? "_" : mcap_name(field, false);
     for (bool again = true; again;) {
       again = false;
       for (const auto& f : fields) again = again || f == name_of;
@@ -141,8 +142,14 @@ inline std::vector<McapGroup> mcap_groups(const Log& log) {
     const std::string_view name = log.name(c);
     const std::size_t slash = name.rfind('/');
     const std::string_view field = slash == name.npos ? name : name.substr(slash + 1);
-    const std::string group =
+    std::string group =
         mcap_name(slash == name.npos ? std::string_view("log") : name.substr(0, slash), true);
+    for (const char* other : {"tf", "event", "phase", "explanation", ""}) {
+      if (group == other) {
+        group += '_';
+        break;
+      }
+    }
     std::size_t g = 0;
     while (g < groups.size() && groups[g].name != group) ++g;
     if (g == groups.size()) {

@@ -88,9 +88,9 @@ inline void replay_column(std::string& to, const std::vector<double>& values, Lo
   if (kind == LogKind::number) {
     for (const double v : values) {
       const double largest = std::numeric_limits<float>::max();
-      // Beyond a float's range a conversion is undefined.
+      // Beyond a float's range a conversion is undefined; infinity and NaN are gaps of the line.
       put_integer(bytes, std::bit_cast<std::uint32_t>(static_cast<float>(
-                             std::isnan(v) ? v : std::clamp(v, -largest, largest))));
+                             std::isfinite(v) ? std::clamp(v, -largest, largest) : v)));
     }
     to += '"';
     base64(to, bytes);

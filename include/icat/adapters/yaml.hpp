@@ -12,6 +12,9 @@
 /// configured robot.
 #pragma once
 
+#include <atomic>
+#include <cstdint>
+
 #include "icat/adapters/yaml_mission.hpp"
 
 namespace icat {
@@ -32,6 +35,15 @@ struct ConfiguredPlant {
   }
 };
 
+namespace detail {
+/// A number that no configuration of the program had before. The address of a file would not do: a
+/// later one may have it again.
+inline std::uint64_t new_state() noexcept {
+  static std::atomic<std::uint64_t> last{0};
+  return last.fetch_add(1, std::memory_order_relaxed) + 1;
+}
+}  // namespace detail
+
 /// Changes of gains and goals that were read and checked, and wait to be applied. Destroy them
 /// outside the loop: that frees memory.
 class ConfigurationChanges {
@@ -43,7 +55,7 @@ class ConfigurationChanges {
   friend class Configuration;
   std::vector<detail::Setter> setters_;
   std::unique_ptr<detail::ConfigFile> file_;
-  const detail::ConfigFile* base_{nullptr};  // the file that they are changes of
+  std::uint64_t base_{0};  // the state of a configuration that they are changes of
   bool applied_{false};
 };
 
@@ -105,10 +117,11 @@ class Configuration {
   /// configuration, or before others that were applied since, or are applied already; nothing is
   /// changed then. No allocation, and nothing is freed.
   Status apply(ConfigurationChanges& changes) noexcept {
-    if (changes.applied_ || changes.base_ != file_.get()) return Status::out_of_range;
+    if (changes.applied_ || !file_ || changes.base_ != state_) return Status::out_of_range;
     for (const detail::Setter& set : changes.setters_) set();
     changes.applied_ = true;
     file_.swap(changes.file_);
+    state_ = detail::new_state();
     return Status::ok;
   }
 
@@ -122,9 +135,11 @@ class Configuration {
     if (!std::isfinite(period_)) top.fail(top.at("period"), "'period' must be finite");
     const detail::Section robot = *top.section("robot");
     *parts_ = detail::robot_parts(robot);
-    robot_ = detail::at_place(robot, robot.node(), [&] {
-      return std::make_unique<ConfiguredRobot>(parts_->description);
-    });
+    try {
+      robot_ = std::make_unique<ConfiguredRobot>(parts_->description);
+    } catch (const std::invalid_argument& error) {
+      detail::wrong(*file_, detail::place_of(robot, error.what()), error.what());
+    }
     detail::add_frames(robot, *robot_);
     robot.finish();
     const detail::RobotContext context{*robot_, *parts_};
@@ -203,7 +218,7 @@ class Configuration {
       }
     }
     result.file_ = std::move(file);
-    result.base_ = file_.get();
+    result.base_ = state_;
     return result;
   }
   void compare_tasks(const detail::ConfigFile& file, const detail::ConfigNode& before,
@@ -284,6 +299,7 @@ class Configuration {
   }
 
   std::unique_ptr<detail::ConfigFile> file_;
+  std::uint64_t state_{detail::new_state()};
   std::unique_ptr<detail::RobotParts> parts_;
   std::unique_ptr<ConfiguredRobot> robot_;
   detail::ConfiguredTasks tasks_;

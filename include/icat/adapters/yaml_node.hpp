@@ -5,6 +5,7 @@
 /// what would grow without end (an alias inside itself) are errors here.
 #pragma once
 
+#include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
@@ -105,15 +106,22 @@ class ConfigReader {
   explicit ConfigReader(ConfigFile& file) : file_(file) {}
 
   void read(const std::string& text) {
+    take_lines(text);
     try {
-      const std::vector<YAML::Node> documents = YAML::LoadAll(text);
-      if (documents.size() > 1) {
-        wrong(file_, node(documents[1], 0), "a second document; a configuration is one");
+      // YAML::LoadAll never returns where the rest is no document, as after `"a", b`.
+      std::istringstream stream(text);
+      YAML::Parser parser(stream);
+      DocumentStart start;
+      if (parser.HandleNextDocument(start) && parser.HandleNextDocument(start)) {
+        wrong(file_, start.at.line + 1, column(start.at),
+              "a second document; a configuration is one");
       }
-      if (!documents.empty()) file_.root = node(documents[0], 0);
+      file_.root = node(YAML::Load(text), 0);
     } catch (const YAML::Exception& error) {
-      const bool known = !error.mark.is_null();
-      wrong(file_, known ? error.mark.line + 1 : 1, known ? error.mark.column + 1 : 1, error.msg);
+      if (error.mark.is_null()) wrong(file_, 1, 1, error.msg);
+      const int line = error.mark.line + 1;
+      wrong(file_, line, column(error.mark), error.msg,
+            tab_indents(line) ? "; a tab cannot indent in YAML, blanks can" : "");
     }
     if (!file_.root.is(ConfigNode::Kind::map)) {
       wrong(file_, file_.root, "a configuration begins with keys such as 'robot:'");
@@ -121,6 +129,23 @@ class ConfigReader {
   }
 
  private:
+  /// Where a document begins; the rest of it does not count.
+  struct DocumentStart : YAML::EventHandler {
+    YAML::Mark at;
+    void OnDocumentStart(const YAML::Mark& mark) override { at = mark; }
+    void OnDocumentEnd() override {}
+    void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
+    void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
+    void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                  const std::string&) override {}
+    void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                         YAML::EmitterStyle::value) override {}
+    void OnSequenceEnd() override {}
+    void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t,
+                    YAML::EmitterStyle::value) override {}
+    void OnMapEnd() override {}
+  };
+
   static constexpr int deepest = 32;
   static constexpr int most = 100000;
 
@@ -128,7 +153,7 @@ class ConfigReader {
     ConfigNode to;
     if (!from.Mark().is_null()) {
       to.line = from.Mark().line + 1;
-      to.column = from.Mark().column + 1;
+      to.column = column(from.Mark());
     }
     if (++count_ > most || depth > deepest) {
       wrong(file_, to, "more than ", most, " values, or deeper than ", deepest,
@@ -148,22 +173,82 @@ class ConfigReader {
     return to;
   }
   void add(const YAML::Node& key, const YAML::Node& value, int depth, ConfigNode& to) {
-    const int line = key.Mark().line + 1, column = key.Mark().column + 1;
-    if (!key.IsScalar()) wrong(file_, line, column, "a key must be a word");
+    const int line = key.Mark().line + 1, at = column(key.Mark());
+    if (!key.IsScalar()) wrong(file_, line, at, "a key must be a word");
     for (const ConfigNode::Name& other : to.names) {
       if (other.name != key.Scalar()) continue;
-      wrong(file_, line, column, "'", key.Scalar(), "' stands twice, first in line ", other.line);
+      wrong(file_, line, at, "'", key.Scalar(), "' stands twice, first in line ", other.line);
     }
-    to.names.push_back({key.Scalar(), line, column});
+    to.names.push_back({key.Scalar(), line, at});
     to.items.push_back(node(value, depth + 1));
     // An empty value has no place of its own.
     if (to.items.back().is(ConfigNode::Kind::empty)) {
       to.items.back().line = line;
-      to.items.back().column = column;
+      to.items.back().column = at;
     }
   }
 
+  // Lines of UTF-8; of UTF-16 and UTF-32, which yaml-cpp knows too, none.
+  void take_lines(std::string_view text) {
+    if (text.find('\0') != text.npos || text.starts_with("\xfe\xff") ||
+        text.starts_with("\xff\xfe")) {
+      return;
+    }
+    if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3);
+    for (std::size_t i = 0, begin = 0; i <= text.size(); ++i) {
+      if (i < text.size() && text[i] != '\n') continue;
+      lines_.emplace_back(text.substr(begin, i - begin));
+      begin = i + 1;
+    }
+    for (std::size_t k = 0; k < lines_.size(); ++k) {
+      const std::string_view line = lines_[k];
+      for (std::size_t i = 0, count = 0; i < line.size(); ++count) {
+        const std::size_t length = character(line.substr(i));
+        if (length == 0) {
+          wrong(file_, static_cast<int>(k) + 1, static_cast<int>(count) + 1, "this is no UTF-8");
+        }
+        i += length;
+      }
+    }
+  }
+  // Bytes of the first character; 0: it is none.
+  static std::size_t character(std::string_view text) noexcept {
+    const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
+    const std::size_t length = byte(0) < 0x80   ? 1
+                               : byte(0) < 0xc2 ? 0
+                               : byte(0) < 0xe0 ? 2
+                               : byte(0) < 0xf0 ? 3
+                               : byte(0) < 0xf5 ? 4
+                                                : 0;
+    if (length > text.size()) return 0;
+    for (std::size_t i = 1; i < length; ++i) {
+      if ((byte(i) & 0xc0u) != 0x80) return 0;
+    }
+    return length;
+  }
+  // yaml-cpp counts bytes, editors characters. In a line that nobody reads in an editor they may
+  // differ: counting them for each value would take too long.
+  int column(const YAML::Mark& at) const {
+    const auto line = static_cast<std::size_t>(at.line);
+    int count = at.column;
+    if (line >= lines_.size() || count > 4096) return count + 1;
+    const std::string_view before = std::string_view(lines_[line]).substr(0, std::size_t(count));
+    for (const char c : before) count -= (static_cast<unsigned char>(c) & 0xc0u) == 0x80;
+    return count + 1;
+  }
+  // Line `line` from 1, or the one before, at whose end yaml-cpp may be.
+  bool tab_indents(int line) const {
+    for (const int k : {line - 1, line - 2}) {
+      if (k < 0 || static_cast<std::size_t>(k) >= lines_.size()) continue;
+      const std::string& text = lines_[static_cast<std::size_t>(k)];
+      const std::size_t first = text.find_first_not_of(" \t");
+      if (text.substr(0, first).find('\t') != text.npos && first != text.npos) return true;
+    }
+    return false;
+  }
+
   ConfigFile& file_;
+  std::vector<std::string> lines_;
   int count_{0};
 };
 

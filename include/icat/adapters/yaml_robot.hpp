@@ -150,6 +150,18 @@ inline RobotParts robot_parts(const Section& s) {
   return parts;
 }
 
+/// Where the robot of section `s` goes wrong: what is said of a joint stands at that joint, where
+/// the joint is written here.
+inline const ConfigNode& place_of(const Section& s, std::string_view error) {
+  const ConfigNode* tree = s.node().find("tree");
+  const ConfigNode* joints = tree ? tree->find("joints") : nullptr;
+  for (std::size_t i = 0; joints && i < joints->items.size(); ++i) {
+    const ConfigNode* name = joints->items[i].find("name");
+    if (name && error.find("joint '" + name->text + "'") != error.npos) return joints->items[i];
+  }
+  return s.node();
+}
+
 /// The names of its frames.
 inline std::vector<std::string> frame_names(const ConfiguredRobot& robot) {
   std::vector<std::string> names;

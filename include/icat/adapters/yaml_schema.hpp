@@ -126,7 +126,8 @@ class SchemaWriter {
   }
 
   std::string value(const ConfigKey& k) {
-    const std::string text = "{\"type\": \"string\", \"minLength\": 1}";
+    // A joint may be called 1.
+    const std::string text = "{\"type\": [\"string\", \"number\"], \"minLength\": 1}";
     const std::string here = "{\"const\": \"here\"}";
     const std::string vector = list_of(number(k.unit, k.range), 3);
     switch (k.value) {

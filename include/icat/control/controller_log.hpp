@@ -3,7 +3,9 @@
 /// Records a controller with its robot and tasks in a `Log`, by their names:
 ///
 ///     joint/<joint>                 q, rad or m
-///     velocity/<joint or column>    ẏ, as the controller has it
+///     velocity/<joint or column>    ẏ, as the controller has it; a column of the base is surge,
+///                                   sway, heave, roll rate, pitch rate, yaw rate, or base <k>
+///                                   where it moves along several of these
 ///     frame/<frame>                 pose in ⟨0⟩: the base, and the frames that are asked for
 ///     activation/<task>             the largest aⁱ aᵖ of its rows
 ///     error/<task>                  ‖A (ẋ̄ − J ẏ)‖: the part of the rate that is not achieved
@@ -125,17 +127,24 @@ class ControllerLog {
         column_names_[static_cast<std::size_t>(j.column)] = j.name;
       }
     }
-    ColumnRange base{0, 0};
-    if constexpr (MobileRobot<Robot>) base = robot.base_columns();
-    const char* six[] = {"surge", "sway", "heave", "roll rate", "pitch rate", "yaw rate"};
-    for (std::size_t c = 0; c < column_names_.size(); ++c) {
-      const Index column = static_cast<Index>(c), k = column - base.first;
-      if (base.holds(column)) {
-        column_names_[c] = base.count == 6 ? six[k] : "base " + std::to_string(k + 1);
-      } else if (column_names_[c].empty()) {
-        column_names_[c] = "column " + std::to_string(c + 1);
+    if constexpr (MobileRobot<Robot>) {
+      const ColumnRange base = robot.base_columns();
+      for (Index k = 0; k < base.count; ++k) {
+        column_names_[static_cast<std::size_t>(base.first + k)] = base_column(robot, k);
       }
     }
+    for (std::size_t c = 0; c < column_names_.size(); ++c) {
+      if (column_names_[c].empty()) column_names_[c] = "column " + std::to_string(c + 1);
+    }
+  }
+  static std::string base_column(const auto& robot, Index k) {
+    const char* six[] = {"surge", "sway", "heave", "roll rate", "pitch rate", "yaw rate"};
+    const auto& motion = robot.base_motion();
+    Index axis = -1, count = 0;
+    for (Index i = 0; i < 6; ++i) {
+      if (motion(i, k) != 0) axis = i, ++count;
+    }
+    return count == 1 ? six[axis] : "base " + std::to_string(k + 1);
   }
   void add_frame(const std::string& name, FrameId frame) {
     frames_.push_back({log_.add(name, "m", LogKind::pose), frame});

@@ -39,7 +39,14 @@ class Words {
   }
   Words& operator<<(Index number) { return *this << static_cast<double>(number); }
   /// A part of 1 in per cent, whole.
-  Words& percent(double part) { return *this << std::round(100 * part) + 0.0 << " %"; }
+  Words& percent(double part) {
+    char digits[32];  // no exponent where a share is many times the loss
+    const double whole = std::round(100 * part) + 0.0;
+    const int count =
+        std::snprintf(digits, sizeof digits, std::abs(whole) < 1e9 ? "%.0f" : "%.3g", whole);
+    text.append(digits, static_cast<std::size_t>(count));
+    return *this << " %";
+  }
   Words& quoted(std::string_view name) { return *this << "'" << name << "'"; }
 
   std::string text;

@@ -144,6 +144,40 @@ TEST(Live, AFullRingLosesFramesAndCountsThem) {
   EXPECT_GT(live.lost(), 900u);  // a tick of 20 ms is far longer than the loop
 }
 
+// A phase is said once; the page of who comes later must have it, too.
+TEST(Live, WhoComesLateIsToldWhatHolds) {
+  icat::Log log({.samples = 1, .full = icat::LogFull::newest});
+  const auto a = log.add("a");
+  icat::Live live({.folder = ICAT_REPLAY_FOLDER}, {.name = "live", .title = "", .log = &log}, {},
+                  {.port = 0});
+  std::size_t frames = 0;
+  const auto publish = [&] {
+    (void)log.begin(double(frames));
+    log.set(a, 1);
+    live.publish();
+    return comes_within(5, [&] { return live.sent() == frames + 1; });
+  };
+  live.text(icat::LogTopic::phase, 0, "navigate");
+  live.text(icat::LogTopic::phase, 0, "grasp");
+  live.text(icat::LogTopic::explanation, 0, "all is well");
+  live.text(icat::LogTopic::event, 0, "long ago");
+  ASSERT_TRUE(publish());  // so the texts have been taken out
+  const hardware::Descriptor late(hardware::connect_within(live.port(), 1));
+  send_all(late.get(), upgrade(live.port()));
+  ASSERT_TRUE(comes_within(5, [&] { return live.clients() == 1; }));
+  std::string text;
+  EXPECT_TRUE(comes_within(5, [&] {
+    ++frames;
+    (void)publish();
+    char block[4096];
+    const ssize_t n = ::recv(late.get(), block, sizeof block, MSG_DONTWAIT);
+    if (n > 0) text.append(block, static_cast<std::size_t>(n));
+    return text.find(R"([[0,"phase","grasp"],[0,"explanation","all is well"]])") != text.npos;
+  })) << text;
+  EXPECT_EQ(text.find("navigate"), text.npos);
+  EXPECT_EQ(text.find("long ago"), text.npos);
+}
+
 TEST(Live, RefusesAnotherSiteAndAnUnknownPath) {
   Loop loop;
   const std::uint16_t port = loop.live().port();

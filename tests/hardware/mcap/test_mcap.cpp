@@ -80,6 +80,28 @@ TEST_F(Mcap, AnEmptyLogIsAFileToo) {
   EXPECT_TRUE(has(found, R"("topics":{})")) << found;
 }
 
+// Groups that would be called like topics of another kind.
+TEST_F(Mcap, ATopicHasOneSchema) {
+  icat::Log log({.samples = 3});
+  std::vector<icat::LogChannel> all;
+  for (const char* name : {"tf/x", "tf_/x", "event/x", "phase/x", "explanation/x", "/x", "x/"}) {
+    all.push_back(log.add(name));
+  }
+  const auto pose = log.add("frame/tool", "m", icat::LogKind::pose);
+  for (int k = 0; k < 3; ++k) {
+    (void)log.begin(k);
+    for (const auto& c : all) log.set(c, k);
+    log.set(pose, icat::Pose<double>(icat::IdentityPose{}));
+    log.event(k, "an event");
+  }
+  ASSERT_TRUE(icat::write_mcap(log, path_.string()));
+  const std::string found = read();
+  ASSERT_FALSE(has(found, "WRONG")) << found;
+  for (const char* topic : {"/tf", "/tf_", "/event", "/event_", "/phase_", "/explanation_", "/_"}) {
+    EXPECT_TRUE(has(found, std::string("\"") + topic + "\":3")) << topic << found;
+  }
+}
+
 TEST_F(Mcap, ASwappedByteIsSeen) {
   ASSERT_TRUE(icat::write_mcap(recorded(100), path_.string()));
   FILE* file = std::fopen(path_.c_str(), "r+b");

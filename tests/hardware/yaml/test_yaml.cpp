@@ -207,6 +207,10 @@ TEST(Yaml, NamesOfAWrongKindOfValue) {
   EXPECT_EQ(refusal(""), "text:1:1: a configuration begins with keys such as 'robot:'");
   EXPECT_EQ(refusal("[1, 2]"), "text:1:1: a configuration begins with keys such as 'robot:'");
   EXPECT_NE(refusal("a: 1\n---\nb: 2\n").find("a second document"), std::string::npos);
+  // Of the rest of these yaml-cpp makes documents without end.
+  EXPECT_EQ(refusal("\"a\", b\n"), "text:1:4: a second document; a configuration is one");
+  EXPECT_NE(refusal("a, b\n"), "");
+  EXPECT_NE(refusal("[1], 2\n"), "");
   EXPECT_NE(refusal("? [a]\n: 1\n").find("a key must be a word"), std::string::npos);
   EXPECT_NE(refusal("a: *b").find("text:1:"), std::string::npos);
   // An alias of aliases grows by ten each line.
@@ -240,7 +244,32 @@ TEST(Yaml, NamesOfAWrongKindOfValue) {
     EXPECT_NE(refusal(small_with("tasks:", std::string("period: ") + period + "\ntasks:")), "");
   }
   EXPECT_NE(refusal(std::string(100000, '[')), "");
+  // What the robot says of a joint stands at the joint.
+  EXPECT_EQ(refusal(small_with("upper: 1 m", "upper: -1 m")).substr(0, 29),
+            "text:6:9: KinematicTree: join");
+  EXPECT_EQ(refusal(small_with("lower: -2,", "lower: -2, axis: [0, 0, 2],")).substr(0, 29),
+            "text:7:9: KinematicTree: join");
   EXPECT_THROW((void)icat::load_yaml(here + "no such file"), std::invalid_argument);
+}
+
+TEST(Yaml, ColumnsAreCharactersAndTabsAreNamed) {
+  const std::string hand = "  hand: {type: frame_position, frame: tool,";
+  std::string text = read(here + "small.yaml");
+  for (std::size_t at; (at = text.find("hand")) != text.npos;) text.replace(at, 4, "Häßé");
+  const std::string tool = "frame: tool,", other = "frame: tol,";
+  text.replace(text.find(tool), tool.size(), other);
+  const std::string says = "text:12:39: task 'Häßé': no frame 'tol'";
+  EXPECT_EQ(refusal(text).substr(0, says.size()), says);
+  EXPECT_EQ(refusal("\xef\xbb\xbf" + text).substr(0, says.size()), says);
+  EXPECT_EQ(refusal("about: \xc3\xa4 \xe4\n"), "text:1:10: this is no UTF-8");
+  EXPECT_EQ(refusal("about: \xc3"), "text:1:8: this is no UTF-8");
+  const std::string tab = refusal(small_with(hand, "\t" + hand.substr(2)));
+  EXPECT_EQ(tab.substr(0, 8), "text:12:") << tab;
+  EXPECT_NE(tab.find("; a tab cannot indent in YAML, blanks can"), std::string::npos) << tab;
+  // Values far out in a line: no time is lost for their columns.
+  std::string wide = "about: [";
+  for (int k = 0; k < 20000; ++k) wide += "1,";
+  EXPECT_NE(refusal(wide + "1]\n"), "");
 }
 
 // Whatever is cut off or changed, it is a configuration or an error, never a crash.

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <map>
+#include <optional>
 #include <random>
 
 #include "examples/icat_run/run.hpp"
@@ -297,6 +298,31 @@ TEST(YamlChanges, AreRefusedAsAWhole) {
   icat::ConfigurationChanges back = moved.parse_changes(text, here + "text");
   EXPECT_EQ(moved.apply(back), icat::Status::ok);
   EXPECT_EQ(hand.gain(), 0.5);
+}
+
+// A file of later changes may lie where an earlier one was freed.
+TEST(YamlChanges, ThatAreStaleStayRefused) {
+  const std::string text = read(here + "small.yaml");
+  const auto gain = [&](const char* value) {
+    return with(text, "gain: 0.5", std::string("gain: ") + value);
+  };
+  icat::Configuration config = icat::parse_yaml(text, here + "text");
+  icat::ConfigurationChanges stale = config.parse_changes(gain("0.7"), here + "text");
+  for (int k = 0; k < 50; ++k) {
+    {
+      auto changes = config.parse_changes(gain(k % 2 ? "0.5" : "0.6"), here + "text");
+      ASSERT_EQ(config.apply(changes), icat::Status::ok);
+    }
+    ASSERT_EQ(config.apply(stale), icat::Status::out_of_range) << k;
+  }
+  // Nor are they those of a configuration that came after the one that is gone.
+  std::optional<icat::Configuration> other(icat::parse_yaml(text, here + "text"));
+  icat::ConfigurationChanges orphan = other->parse_changes(gain("0.7"), here + "text");
+  for (int k = 0; k < 50; ++k) {
+    other.reset();
+    other.emplace(icat::parse_yaml(text, here + "text"));
+    ASSERT_EQ(other->apply(orphan), icat::Status::out_of_range) << k;
+  }
 }
 
 // Conditions, goals that move, both controllers: no cycle allocates.
