@@ -61,7 +61,7 @@ say "Running: compile time of user programs"
   echo "|---|---|---|---|"
   cat "$out/solver.md" "$out/mission.md" "$out/worst_case.md"
   echo
-  echo "Compile time of user programs, by \`./scripts/compile_cost.sh\`; \`./scripts/test.sh\` fails if a bound is exceeded by more than 15 %. User time, the fastest of three, with the same compiler:"
+  echo "Compile time of user programs, by \`./scripts/compile_cost.sh\`; \`./scripts/test.sh\` fails if a bound is exceeded by more than 15 %. User time, the median of three quotients, with the same compiler:"
   echo
   cat "$out/compile_cost.md"
   echo

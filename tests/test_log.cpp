@@ -136,6 +136,35 @@ TEST(Log, TextsHoldUntilTheNextAndAreBounded) {
   EXPECT_EQ(small.texts_lost(), 2u);
 }
 
+TEST(Log, NewestKeepsTheLastTextsAndWhatHolds) {
+  Log log({.samples = 2, .full = icat::LogFull::newest, .texts = 8, .characters = 60});
+  log.phase(0, "approach");
+  log.explain(0, "all is well");
+  for (int k = 0; k < 1000; ++k) log.event(k, std::to_string(k));
+  ASSERT_GE(log.text_count(), 5u);
+  EXPECT_EQ(log.text_count() + log.texts_lost(), 1002u);
+  EXPECT_EQ(log.text(0).text, "approach");  // it still holds
+  EXPECT_EQ(log.text(1).text, "all is well");
+  for (std::size_t i = 2; i < log.text_count(); ++i) {
+    EXPECT_EQ(log.text(i).text, std::to_string(1000 - log.text_count() + i));
+  }
+  log.phase(1000, "grasp");
+  log.phase(1000, "grasp");
+  for (int k = 0; k < 20; ++k) log.event(1000 + k, "x");
+  EXPECT_EQ(log.text(0).topic, icat::LogTopic::explanation);
+  EXPECT_EQ(log.text(1).text, "grasp");  // "approach" holds no longer
+  const std::size_t count = log.text_count(), lost = log.texts_lost();
+  log.event(2000, std::string(61, 'x'));  // more than all of the memory: nothing makes room for it
+  EXPECT_EQ(log.text_count(), count);
+  EXPECT_EQ(log.texts_lost(), lost + 1);
+  Log two({.samples = 2, .full = icat::LogFull::newest, .texts = 2});
+  two.phase(0, "a");
+  two.explain(0, "b");
+  two.event(1, "c");
+  EXPECT_EQ(two.texts_lost(), 1u);
+  EXPECT_EQ(two.text_count(), 2u);
+}
+
 TEST(Csv, HasOneLineOfNamesAndEmptyCellsWhereNothingIsSet) {
   Log log({.samples = 3});
   const auto a = log.add("activation/joint limits; \"all\", always"),

@@ -43,7 +43,8 @@ enum class LogTopic {
 /// Which samples are kept when the memory is full.
 enum class LogFull {
   stop,   ///< the first ones: recording stops
-  newest  ///< the last ones: each new sample takes the place of the oldest
+  newest  ///< the last ones: each new sample takes the place of the oldest, texts that of older
+          ///< ones
 };
 
 /// See the file comment. One thread.
@@ -53,14 +54,14 @@ class Log {
   struct Options {
     std::size_t samples = 6000;        ///< a minute at 100 Hz
     LogFull full = LogFull::stop;      ///< what happens after them
-    std::size_t texts = 2000;          ///< how many; recording of texts stops there
+    std::size_t texts = 2000;          ///< how many
     std::size_t characters = 1 << 17;  ///< of all texts together
   };
   /// A text of the log.
   struct Text {
     double time;            ///< s
     LogTopic topic;         ///< what it is about
-    std::string_view text;  ///< lives as long as the log
+    std::string_view text;  ///< in the log's memory, until the next text is recorded
   };
 
   /// With the defaults.
@@ -150,8 +151,9 @@ class Log {
   }
 
   /// A text at `time`, s. A phase or an explanation that is the same as the last one of its topic
-  /// takes no memory. Lost where the memory of texts is full, or the time is not finite. No
-  /// allocation.
+  /// takes no memory. Where the memory of texts is full, it is lost, or with `LogFull::newest` the
+  /// older half of the texts is, but for the phase and the explanation that hold since then. Lost,
+  /// too, where the time is not finite. No allocation.
   void text(LogTopic topic, double time, std::string_view words) noexcept {
     if (topic != LogTopic::event) {
       for (std::size_t i = text_count_; i > 0; --i) {
@@ -160,10 +162,15 @@ class Log {
         break;
       }
     }
-    if (text_count_ == texts_.size() || words.size() > characters_.size() - used_ ||
-        !std::isfinite(time)) {
+    if (!std::isfinite(time) || words.size() > characters_.size()) {
       ++texts_lost_;
       return;
+    }
+    while (text_count_ == texts_.size() || words.size() > characters_.size() - used_) {
+      if (full_ == LogFull::stop || !drop_older_texts()) {
+        ++texts_lost_;
+        return;
+      }
     }
     for (std::size_t i = 0; i < words.size(); ++i) characters_[used_ + i] = words[i];
     texts_[text_count_++] = {time, topic, used_, words.size()};
@@ -193,7 +200,7 @@ class Log {
   double time(std::size_t i) const noexcept { return times_[place(i)]; }
   /// Texts that it has, in the order they came.
   std::size_t text_count() const noexcept { return text_count_; }
-  /// Texts that were not kept: the memory was full.
+  /// Texts that were not kept: the memory was full, or newer ones replaced them.
   std::size_t texts_lost() const noexcept { return texts_lost_; }
   /// Text `i` < text_count().
   Text text(std::size_t i) const noexcept {
@@ -236,6 +243,28 @@ class Log {
   }
   std::string_view words_of(const Stored& t) const noexcept {
     return {characters_.data() + t.first, t.length};
+  }
+  // The older half, but for the last phase and explanation in it. False: there was none to drop.
+  bool drop_older_texts() noexcept {
+    const std::size_t count = text_count_, half = (count + 1) / 2;
+    std::size_t phase = count, explanation = count;
+    for (std::size_t i = 0; i < half; ++i) {
+      if (texts_[i].topic == LogTopic::phase) phase = i;
+      if (texts_[i].topic == LogTopic::explanation) explanation = i;
+    }
+    text_count_ = used_ = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+      if (i < half && i != phase && i != explanation) continue;
+      Stored kept = texts_[i];
+      for (std::size_t c = 0; c < kept.length; ++c) {
+        characters_[used_ + c] = characters_[kept.first + c];
+      }
+      kept.first = used_;
+      used_ += kept.length;
+      texts_[text_count_++] = kept;
+    }
+    texts_lost_ += count - text_count_;
+    return text_count_ < count;
   }
   void put(LogChannel channel, LogKind kind, const double* values) noexcept {
     if (!open_ || channel.index >= channels_.size()) return;

@@ -18,12 +18,12 @@ class List {
   /// Empty.
   List() {}
   /// `size` elements, each as its default has it.
-  [[gnu::noinline]] explicit List(std::size_t size)
+  [[gnu::noinline, gnu::cold]] explicit List(std::size_t size)
       : elements_(new T[size]()), size_(size), room_(size) {}
   /// `size` times `value`.
   List(std::size_t size, const T& value) : List(size) { fill(value); }
   /// Copies.
-  [[gnu::noinline]] List(const List& other) : List(other.size_) {
+  [[gnu::noinline, gnu::cold]] List(const List& other) : List(other.size_) {
     for (std::size_t i = 0; i < size_; ++i) elements_[i] = other.elements_[i];
   }
   /// Takes over what the other has, and leaves it empty.
@@ -32,11 +32,11 @@ class List {
     other.size_ = other.room_ = 0;
   }
   /// Copies, or takes over.
-  [[gnu::noinline]] List& operator=(List other) noexcept {
+  [[gnu::noinline, gnu::cold]] List& operator=(List other) noexcept {
     swap(other);
     return *this;
   }
-  [[gnu::noinline]] ~List() { delete[] elements_; }
+  [[gnu::noinline, gnu::cold]] ~List() { delete[] elements_; }
 
   /// Elements.
   std::size_t size() const noexcept { return size_; }
@@ -64,7 +64,7 @@ class List {
   /// Keeps its memory.
   void clear() noexcept { size_ = 0; }
   /// One more at the end.
-  [[gnu::noinline]] void push_back(T element) {
+  [[gnu::noinline, gnu::cold]] void push_back(T element) {
     if (size_ == room_) {
       List larger(2 * size_ + 4);
       for (std::size_t i = 0; i < size_; ++i) larger.elements_[i] = std::move(elements_[i]);
