@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Builds and runs icat under many compilers, processors, flags and versions of Eigen, and prints the
 # page of the docs about it. Without arguments everything, and the page; with names of builds
-# (--list shows them) these alone; --page prints the page again, from the last run of each build.
+# (--list shows them) these alone; --page prints the page again, from the last run of each build. Of a
+# build that was not run here, the page keeps the row that docs/portability.md has.
 # Logs: build/portability/<name>.log.
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
@@ -378,6 +379,9 @@ function_of() {
   fi
 }
 
+# kept <build>: whether to print its row of the present page, since it was not run here.
+kept() { [[ ! -f $facts/$1.state ]] && grep "^| $1 |" docs/portability.md; }
+
 page() {
   cat <<'MD'
 # Portability
@@ -414,6 +418,7 @@ MD
   local build cxx flags as examples what key
   while IFS='|' read -r build cxx flags as examples; do
     [[ -n $build ]] || continue
+    kept "$build" && continue
     echo "| $build | $cxx ($(get "$build" compiler)) | \`$flags\` | ${as/both/plain, system} | $(get "$build" compiles) | $(get "$build" passes) | $(get "$build" worst) | $(get "$build" beyond) | $(get "$build" ratio) | $(get "$build" time) | $(get "$build" revision) |"
   done <<<"$x86_builds"
   cat <<'MD'
@@ -427,17 +432,24 @@ The examples of gcc11-v1 and clang19-v3 are linked, the others compiled.
 MD
   while IFS='|' read -r build _ what; do
     [[ -n $build ]] || continue
+    kept "$build" && continue
     printf '| %s | %s | %s ' "$build" "$what" "$(get "$build" state)"
     for key in worst beyond ratio; do
       if [[ -f $facts/$build.$key ]]; then printf '| %s ' "$(get "$build" $key)"; else printf '| - '; fi
     done
     echo "| $(get "$build" time) | $(get "$build" revision) |"
   done <<<"$other_builds"
-  cat <<MD
-
+  echo
+  if [[ -f $facts/arm64.state ]]; then
+    cat <<MD
 **NEON.** The solves of two hierarchies of the benchmarks' shape (13 degrees of freedom, one steady, one with all rows partial) need $(get arm64 neon_double) times as many instructions with \`EIGEN_DONT_VECTORIZE\` as without in \`double\`, $(get arm64 neon_float) times in \`float\`. A NEON register holds two doubles or four floats. Functions of icat contain $(get arm64 fmla_vector) fused multiply-adds on whole NEON registers, without vectorization $(get arm64 fmla_scalar). The instructions are counted as lines of the trace of \`qemu-aarch64 -singlestep -d nochain,exec\`: a run with twelve solves minus a run with two. They are instructions, not time: measure that on the board.
+MD
+  else
+    grep '^\*\*NEON' docs/portability.md
+  fi
+  cat <<'MD'
 
-**32-bit ARM.** There \`long double\` is the same as \`double\`, so the solver in \`float\` is compared with the literal formula in \`double\`; the solver in \`double\` has its own tests.
+**32-bit ARM.** There `long double` is the same as `double`, so the solver in `float` is compared with the literal formula in `double`; the solver in `double` has its own tests.
 
 ## Beside foreign libraries
 
@@ -445,15 +457,19 @@ The program, compiled with g++-12, takes Jacobians from the library and velociti
 
 | flags of the program | Eigen alone | KDL | Pinocchio |
 |---|---|---|---|
-$(cat "$facts/foreign.rows" 2>/dev/null)
 MD
+  if [[ -f $facts/foreign.state ]]; then
+    cat "$facts/foreign.rows"
+  else
+    sed -n '/^| flags of the program/,/^$/{/^| `/p}' docs/portability.md
+  fi
   if [[ -f out/microcontroller/table.md ]]; then
     printf '\n## Microcontrollers\n\nPrinted by `./scripts/microcontroller.sh`.\n\n'
     cat out/microcontroller/table.md
   fi
-  printf '\n%s, %s processors, %s min.\n' \
+  printf '\nThe builds of the last run: %s, %s processors, %s min.\n' \
     "$(sed -n '/^model name/{s/^[^:]*: //p;q}' /proc/cpuinfo)" "$(nproc)" \
-    "$(for build in $names; do get "$build" time && echo; done | awk '{ s += $1 } END { print int((s + 59) / 60) }')"
+    "$(for build in $names; do get "$build" time && echo; done | awk '$1 + 0 > 0 { s += $1 } END { print int((s + 59) / 60) }')"
 }
 
 # --- main ----------------------------------------------------------------------------------------
