@@ -334,8 +334,8 @@ TEST_F(ControllerLogTest, AParallelControllerAchievesWithTheBaseAsMeasured) {
 // As `explain` and configurations call them.
 TEST_F(ControllerLogTest, ColumnsOfABaseAreCalledByTheirAxes) {
   using Tree = icat::KinematicTree<double>;
-  const auto names = [](const icat::Base<double>& base) {
-    Tree tree({.joints = icat::axes_chain(icat::maris_arm<double>()), .base = base});
+  const auto names = [](const icat::Base<double>& kind) {
+    Tree tree({.joints = icat::axes_chain(icat::maris_arm<double>()), .base = kind});
     icat::task::JointLimits limits(tree);
     icat::Controller controller(tree, {{"go", {{limits}}}});
     Log log({.samples = 1});
