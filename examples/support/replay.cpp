@@ -232,7 +232,7 @@ VehicleRun::VehicleRun(Replay& replay, const char* name, const char* title, std:
   box(0, {1.0, 0.6, 0.5}, "#d98a2b");
   box(0.52, {0.06, 0.5, 0.4}, "#2b3640");  // the bow
   run_.shapes.push_back({.form = ReplayForm::path, .frame = "vehicle", .color = "#d1495b"});
-  icat::ReplayShape floor{.form = ReplayForm::ground, .size = {14, 0, 0}};
+  icat::ReplayShape floor{.form = ReplayForm::ground, .size = {26, 0, 0}};
   floor.at.translation().z() = ground;
   run_.shapes.push_back(floor);
 }
