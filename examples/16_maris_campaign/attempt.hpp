@@ -98,6 +98,7 @@ class Attempt {
     }
     return finish();
   }
+  // As of the present cycle.
   Sample sample() const {
     const Pose off = (pipe() * at(0, 0, -palm_above)).inverse() * palm();
     return {time_, off.translation().norm(), plant_.vehicle_velocity().head<3>(),
