@@ -7,6 +7,8 @@
 
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
+#include "../support/reasons.hpp"
+#include "../support/robot_replay.hpp"
 #include "../support/support.hpp"
 #include "mission.hpp"
 
@@ -18,7 +20,19 @@ struct Run {
   const char *scenario, *method, *file;
   nsb::Scenario settings;
   nsb::Result result;
+  std::vector<std::pair<double, std::string>> reasons = {};
 };
+
+Run run_icat(const char* scenario, const char* file, const nsb::Scenario& settings) {
+  support::Reasons<icat::Controller<nsb::Robot>> reasons;
+  nsb::Result result = nsb::run_icat(
+      settings, [&](double t, const auto& controller) { reasons.record(t, controller); });
+  return {scenario, "iCAT", file, settings, std::move(result), reasons.sentences()};
+}
+
+constexpr const char* tasks[] = {"tool pose (m, rad)", "vehicle orientation (rad)",
+                                 "vertical distance (m)", "field of view", "first joint (rad)"};
+constexpr std::size_t every = 10;  // samples of the replay: ten a second
 
 void write_csv(const std::string& folder, const std::string& name, const nsb::Result& r) {
   support::Csv csv(folder, name + ".csv",
@@ -72,6 +86,67 @@ bool draw(const std::string& folder) {
   return support::draw(folder, {{"times", times}});
 }
 
+void add_to(support::Replay& replay, const Run& run) {
+  nsb::Robot robot = run.settings.robot();
+  auto& shown = replay.add(std::string(run.scenario) + ", " + run.method,
+                           run.method + std::string(", scenario ") + run.scenario,
+                           run.result.samples.size() / every + 1);
+  icat::Log& log = replay.log();
+  const std::vector<std::string> frames{"arm1_link3", "arm2_link2"};
+  const auto vehicle = log.add("frame/base", "m", icat::LogKind::pose),
+             hand = log.add("frame/" + frames[0], "m", icat::LogKind::pose),
+             camera = log.add("frame/" + frames[1], "m", icat::LogKind::pose);
+  const auto& size = run.settings.dimensions;
+  support::RobotPicture picture(shown, log, robot,
+                                {.frames = frames,
+                                 .base = {size.length, size.height, 0.3},
+                                 .ground = -0.4,
+                                 .ground_edge = 18});
+  shown.shapes.push_back({.form = icat::ReplayForm::path, .frame = "goal", .color = "#2fa36b"});
+  shown.shapes.push_back({.form = icat::ReplayForm::cone,
+                          .frame = "frame/" + frames[1],
+                          .at = support::pose({0, 0, 0}, 0, 90 * nsb::degree, 0),
+                          .size = {0.1, 1.2, 0},
+                          .color = "#f4d35e",
+                          .opacity = 0.3});
+  shown.plots = {{"Errors of the tasks", {"error/"}, "m, rad", 0, 0, true},
+                 {"Velocities of the joints", {"joint velocity/"}},
+                 {"Velocities of the vehicle", {"vehicle velocity/"}}};
+  std::vector<icat::LogChannel> errors, velocities;
+  for (const char* task : tasks) errors.push_back(log.add(std::string("error/") + task));
+  for (const auto& joint : robot.joints()) {
+    velocities.push_back(log.add("joint velocity/" + joint.name, "rad/s"));
+  }
+  for (const char* name : {"surge", "sway", "yaw rate"}) {
+    velocities.push_back(log.add(std::string("vehicle velocity/") + name, "m/s, rad/s"));
+  }
+  bool was_past = false;
+  auto reason = run.reasons.begin();
+  for (std::size_t i = 0; i < run.result.samples.size(); i += every) {
+    const auto& s = run.result.samples[i];
+    if (!log.begin(s.t) || robot.update(s.q, s.vehicle) != icat::Status::ok) continue;
+    log.set(vehicle, s.vehicle);
+    log.set(hand, robot.pose(robot.frame(frames[0])));
+    log.set(camera, robot.pose(robot.frame(frames[1])));
+    picture.record();
+    picture.set_goal(s.reference.translation());
+    for (std::size_t k = 0; k < errors.size(); ++k) log.set(errors[k], s.task_error[k]);
+    for (std::size_t k = 0; k < velocities.size(); ++k) {
+      log.set(velocities[k], s.velocity(static_cast<icat::Index>(k)));
+    }
+    log.phase(s.t,
+              s.t < run.settings.length / run.settings.speed ? "along the line" : "at its end");
+    const bool past = support::joint_margin(robot) < -1e-3;
+    if (past != was_past) {
+      log.event(s.t, past ? "A joint passes its limit." : "All joints are within their limits.");
+    }
+    was_past = past;
+    for (; reason != run.reasons.end() && reason->first <= s.t; ++reason) {
+      log.explain(s.t, reason->second);
+    }
+  }
+}
+
 template <class Cell>
 void row(const std::vector<Run>& runs, const char* name, Cell cell) {
   std::printf("%-31s", name);
@@ -86,8 +161,6 @@ std::string number(double value, int digits) {
 }
 
 void print(const std::vector<Run>& runs) {
-  const char* tasks[] = {"tool pose (m, rad)", "vehicle orientation (rad)", "vertical distance (m)",
-                         "field of view", "first joint (rad)"};
   std::printf("%-31s", "");
   for (const Run& run : runs) std::printf("%11s", run.scenario);
   std::printf("\n%-31s", "");
@@ -131,12 +204,12 @@ int main(int argc, char** argv) {
   stops.stops = true;
   const std::vector<Run> runs{
       {"line", "NSB", "line_nsb", line, nsb::run_nsb(line)},
-      {"line", "iCAT", "line_icat", line, nsb::run_icat(line)},
+      run_icat("line", "line_icat", line),
       {"conflict", "NSB", "conflict_nsb", conflict, nsb::run_nsb(conflict)},
-      {"conflict", "iCAT", "conflict_icat", conflict, nsb::run_icat(conflict)},
+      run_icat("conflict", "conflict_icat", conflict),
       {"limit", "NSB", "limit_nsb", limit, nsb::run_nsb(limit)},
       {"limit", "NSB, stops", "limit_nsb_stops", stops, nsb::run_nsb(stops)},
-      {"limit", "iCAT", "limit_icat", limit, nsb::run_icat(limit)}};
+      run_icat("limit", "limit_icat", limit)};
   print(runs);
   const nsb::Order order = nsb::random_starts(100);
   std::printf(
@@ -144,16 +217,21 @@ int main(int argc, char** argv) {
       "of priority for the leader from %d, for the follower from %d.\n",
       order.starts, nsb::tolerance, order.converged, order.leader, order.follower);
 
+  support::Replay replay("Null-space-based guidance and iCAT on a planar vehicle with two arms");
   bool all_well = true;
   for (const Run& run : runs) {
     write_csv(arguments.output, run.file, run.result);
     all_well = all_well && run.result.status == icat::Status::ok;
     if (run.settings.reach < 1 && !run.settings.stops) {
+      add_to(replay, run);
       for (const double error : run.result.last_error) all_well &= error < nsb::tolerance;
     }
   }
   write_snapshots(arguments.output, line, runs[0].result);
   const bool drawn = arguments.pictures && draw(arguments.output);
   std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
+  replay.look(-90 * nsb::degree, 85 * nsb::degree);
+  replay.show("limit, NSB", "limit, iCAT");
+  replay.write(arguments.output, arguments.logs);
   return all_well ? 0 : 1;
 }

@@ -4,6 +4,7 @@
 /// bounds, and the simulation of [NSB, V]: the computed velocities are tracked perfectly.
 #pragma once
 
+#include <functional>
 #include <random>
 
 #include "dual_arm.hpp"
@@ -165,8 +166,10 @@ inline Result run_nsb(const Scenario& scenario, double dt = 0.01) {
   return simulate(scenario, robot, k, dt, guide);
 }
 
-/// One iCAT hierarchy over all eight, joint limits on top.
-inline Result run_icat(const Scenario& scenario) {
+/// One iCAT hierarchy over all eight, joint limits on top. `observe` sees every cycle.
+inline Result run_icat(
+    const Scenario& scenario,
+    const std::function<void(double, const icat::Controller<Robot>&)>& observe = {}) {
   Robot robot = scenario.robot();
   Tasks k = scenario.tasks(robot);
   //! [icat]
@@ -182,7 +185,11 @@ inline Result run_icat(const Scenario& scenario) {
     return status;
   };
   //! [icat]
-  return simulate(scenario, robot, k, 0.01, guide);
+  return simulate(scenario, robot, k, 0.01, [&](double t, Velocity& y) {
+    const icat::Status done = guide(t, y);
+    if (observe) observe(t, controller);
+    return done;
+  });
 }
 
 /// How many of `count` random starts end with all errors below `tolerance` on the line, and in how

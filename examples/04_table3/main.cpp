@@ -8,6 +8,8 @@
 
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
+#include "../support/reasons.hpp"
+#include "../support/replay.hpp"
 #include "../support/support.hpp"
 #include "table.hpp"
 
@@ -122,6 +124,59 @@ void write_csv(const std::string& folder, const std::string& name, const table3:
   }
 }
 
+// A row in the replay.
+class Film {
+ public:
+  Film(support::Replay& replay, std::size_t row, const char* name, const char* title)
+      : row_(row), run_(replay, name, title, 6100) {
+    run_.add_plot("Errors of the pipe", "error/", "m, rad", true);
+    run_.add_plot("Interaction", "interaction/", "N, N m", false);
+    run_.add_robot("a/", table3::task_names, {}, "#d98a2b");
+    run_.add_robot("b/", table3::task_names, {}, "#3d8fb5");
+    run_.add_pipe("object", table3::Pose::Identity(), 3.6, 1);
+    run_.add_pipe("", table3::pre_deployment, 3.6, 0.2);
+    run_.add_pipe("", table3::seabed, 3.6, 0.2);
+    run_.add_path("object");
+    run_.add_ground(0.7, 0.7, 3.06);
+  }
+  void record(std::size_t row, const table3::Cycle& now) {
+    const auto& s = now.sample;
+    if (row != row_ || !log_.begin(s.t)) return;
+    std::string why[2];
+    for (std::size_t i = 0; i < 2; ++i) {
+      const table3::Side& side = *now.sides[i];
+      support::RobotSample robot{};
+      robot.manipulability = robot.centering = std::nan("");  // not measured
+      robot.command = side.agent.velocity();
+      const auto tool = side.robot.frame("tool");
+      support::record_posture(side.robot, tool, side.robot.frame("end_effector"), robot);
+      robot.arm[8] =
+          now.plant.object() * table3::Vector3((i == 0 ? -1 : 1) * table3::grasp_distance, 0, 0);
+      run_.record(i, robot, side.activations().data());
+      reasons_[i].record(s.t, side.agent);
+      if (!reasons_[i].sentences().empty()) why[i] = reasons_[i].sentences().back().second;
+    }
+    log_.set(object_, now.plant.object());
+    log_.set(position_, s.position_error);
+    log_.set(orientation_, s.orientation_error);
+    log_.set(force_, s.interaction.head<3>().norm());
+    log_.set(moment_, s.interaction.tail<3>().norm());
+    log_.phase(s.t, now.sides[0]->agent.action());
+    log_.explain(s.t, "a: " + why[0] + "\nb: " + why[1]);
+  }
+
+ private:
+  std::size_t row_;
+  support::UvmsRun run_;
+  icat::Log& log_ = run_.log();
+  icat::LogChannel object_ = log_.add("object", "m", icat::LogKind::pose),
+                   position_ = log_.add("error/position", "m"),
+                   orientation_ = log_.add("error/orientation", "rad"),
+                   force_ = log_.add("interaction/force", "N"),
+                   moment_ = log_.add("interaction/moment", "N m");
+  support::Reasons<icat::Agent<table3::Robot>> reasons_[2];
+};
+
 void sensitivity(const fs::path& folder) {
   using table3::Parameters;
   struct Choice {
@@ -187,10 +242,19 @@ int main(int argc, char** argv) {
       support::parse(argc, argv, "The hydrodynamic runs of Table III: two vehicles carry a pipe.",
                      "out/04_table3", {}, {"--sensitivity", "vary the choices, too"});
 
+  support::Replay replay("Two vehicles with dynamics carry a pipe and set it down", true);
+  Film alone(replay, 1, "T2, alone", "T2: nothing is exchanged");
+  Film together(replay, 7, "T8, together",
+                "T8: velocities exchanged at 100 Hz, filter, force modification");
   table3::Table t;
   {
     support::ProgressBar bar("Table III");
-    t = table3::run_all({}, table3::rows.size(), [&](double share) { bar.show(share); });
+    t = table3::run_all(
+        {}, table3::rows.size(), [&](double share) { bar.show(share); },
+        [&](std::size_t row, const table3::Cycle& now) {
+          alone.record(row, now);
+          together.record(row, now);
+        });
   }
   print(t);
   print_vehicle();
@@ -206,6 +270,8 @@ int main(int argc, char** argv) {
                      support::draw(arguments.output,
                                    {{"rows", names}, {"study", arguments.extended ? "yes" : "no"}});
   std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
+  replay.look(-2.4, 0.4);
+  replay.write(arguments.output, arguments.logs);
   bool all_well = true;
   for (const auto& r : t.results) all_well = all_well && r.status == icat::Status::ok;
   return all_well ? 0 : 1;

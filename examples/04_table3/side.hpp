@@ -71,6 +71,9 @@ class Propulsion {
   std::array<icat::ThrusterModel<double>, 8> models_;
 };
 
+inline const std::vector<std::string> task_names{
+    "joint limits", "vehicle distance", "manipulability", "horizontal attitude", "agreed velocity"};
+
 /// A robot with its tasks, loops and agent.
 class Side {
  public:
@@ -125,6 +128,12 @@ class Side {
   /// Velocity of the tool under the agent's own hierarchy, components on it.
   Vector6 own_tool_velocity() const {
     return support::twist(robot, tool_frame_, agent.own().velocity());
+  }
+  /// Largest activation of each task whose name is in `task_names`.
+  std::array<double, 5> activations() const {
+    return {joint_limits_.activation().maxCoeff(), distance_.activation().maxCoeff(),
+            manipulability_.activation().maxCoeff(), attitude_.activation().maxCoeff(),
+            agent.agreement_activation()};
   }
   /// Torques and vehicle wrench of the PI loops, each 2 kHz step.
   icat::Status forces(const Vector13& velocity, Vector13& out) {

@@ -68,9 +68,16 @@ class Accumulator {
   double max_ = 0, sum_ = 0, squares_ = 0, count_ = 0;
 };
 
-/// Runs one row; `progress` gets the simulated time.
+/// Of both robots and the pipe.
+struct Cycle {
+  const Plant& plant;
+  const std::array<Side*, 2>& sides;
+  const Sample& sample;
+};
+
+/// Runs one row; `watch` sees every cycle.
 inline Result run(const Row& row, const Parameters& p,
-                  const std::function<void(double)>& progress = {}) {
+                  const std::function<void(const Cycle&)>& watch = {}) {
   Plant plant(plant_of(0, p), plant_of(1, p), icat::maris_pipe_body<double>(), pipe_start);
   Side a(0, plant, row, p), b(1, plant, row, p);
   const std::array<Side*, 2> sides{&a, &b};
@@ -162,7 +169,7 @@ inline Result run(const Row& row, const Parameters& p,
       apart += (own[0] - own[1]).squaredNorm();
       for (auto& wrench : s.vehicle_wrench) wrench.setZero();
       result.samples.push_back(s);
-      if (progress) progress(t);
+      if (watch) watch({plant, sides, s});
     }
     std::array<Vector13, 2> forces;
     for (std::size_t i = 0; i < 2; ++i) {

@@ -28,9 +28,11 @@ inline double thread_seconds() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-/// The first `count` rows. `watch(share)` is called from the calling thread while they run.
+/// The first `count` rows. `watch(share)` is called from the calling thread while they run,
+/// `record(row, cycle)` from the thread of the row.
 template <class Watch>
-Table run_all(const Parameters& p, std::size_t count, Watch watch) {
+Table run_all(const Parameters& p, std::size_t count, Watch watch,
+              const std::function<void(std::size_t, const Cycle&)>& record = {}) {
   Table table;
   table.results.resize(count);
   table.real_time.resize(count);
@@ -39,9 +41,13 @@ Table run_all(const Parameters& p, std::size_t count, Watch watch) {
   std::vector<std::thread> threads;
   for (std::size_t i = 0; i < count; ++i) {
     threads.emplace_back([&, i] {
-      const double begin = thread_seconds();
-      table.results[i] =
-          run(rows[i], p, [&](double t) { progress[i] = t / (p.duration + p.deployment); });
+      double begin = thread_seconds();
+      table.results[i] = run(rows[i], p, [&](const Cycle& now) {
+        progress[i] = now.sample.t / (p.duration + p.deployment);
+        const double before = thread_seconds();
+        if (record) record(i, now);
+        begin += thread_seconds() - before;  // no part of what the row cost
+      });
       table.real_time[i] = table.results[i].end / (thread_seconds() - begin);
       progress[i] = 1;
       ++finished;

@@ -2,6 +2,7 @@
 // A vehicle follows a square in a current by its own estimates. It has GPS at the start, then a
 // DVL, which on the third side is too near to the bottom and does not measure for ten seconds.
 #include <cstdio>
+#include <icat/adapters/replay_scene.hpp>
 #include <icat/control/vehicle_loop.hpp>
 #include <icat/model/maris_bodies.hpp>
 #include <icat/navigation/navigation.hpp>
@@ -9,6 +10,7 @@
 
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
+#include "../support/replay.hpp"
 #include "../support/support.hpp"
 
 using Vector2 = icat::Vector<double, 2>;
@@ -80,6 +82,21 @@ int main(int argc, char** argv) {
   const Vector6 bandwidth{{0.7, 0.7, 0.7, 0, 0, 1.5}}, strongest{{150, 150, 150, 0, 0, 60}};
   icat::VehicleLoop<double> loop(body, bandwidth);
   const Vector2 corners[] = {{side, 0}, {side, side}, {0, side}, {0, 0}};
+  support::Replay replay("A vehicle follows a square by its own estimates", true);
+  support::VehicleRun run(replay, "navigation",
+                          "orange: where it is; blue: where it estimates to be", 2101, floor_depth);
+  const auto estimate = run.log().add("estimate", "m", icat::LogKind::pose),
+             off_by = run.log().add("off/position", "m"),
+             expected = run.log().add("off/position, expected", "m");
+  run.run().plots.insert(run.run().plots.begin(),
+                         {"Estimated position off the true one", {"off/"}, "m"});
+  run.run().shapes.push_back({.form = icat::ReplayForm::box,
+                              .frame = "estimate",
+                              .size = {1.0, 0.6, 0.5},
+                              .color = "#3d8fb5",
+                              .opacity = 0.4});
+  run.run().shapes.push_back(
+      {.form = icat::ReplayForm::path, .frame = "estimate", .color = "#3d8fb5"});
   int corner = 0;
   Vector3 gyro = Vector3::Zero(), current = Vector3::Zero();
   Vector6 wrench = Vector6::Zero();
@@ -132,6 +149,14 @@ int main(int argc, char** argv) {
       current_error = std::max(current_error, e.norm());
     }
     if (k % 10 != 0) continue;
+    if (run.record(t, truth.pose, reference, truth.velocity)) {
+      run.log().set(estimate, pose);
+      run.log().set(off_by, (position - truth.pose.translation()).norm());
+      run.log().set(expected, std::sqrt(P(0, 0) + P(1, 1)));
+      run.log().explain(t, lost     ? "Too near to the bottom for the DVL: the model alone."
+                           : t < 20 ? "At the surface: GPS and DVL correct the estimates."
+                                    : "Under water: the DVL corrects the velocity, no GPS.");
+    }
     csv.row({t, truth.pose(0, 3), truth.pose(1, 3), truth.pose(2, 3), position(0), position(1),
              std::sqrt(P(0, 0)), std::sqrt(P(1, 1)), navigation.current()(0),
              navigation.current()(1), std::sqrt(estimator.covariance()(3, 3)), off(0),
@@ -147,6 +172,7 @@ int main(int argc, char** argv) {
       "most; at the end the position is off by %.2f m, its deviation is %.2f m\n",
       icat::describe(status), 100 * current_error, lost_for, 100 * in_outage, away, deviation);
   if (arguments.pictures) support::draw(arguments.output);
+  replay.write(arguments.output, arguments.logs);
   return status == icat::Status::ok && lost_for > 9 && in_outage < 0.05 && away < 3 * deviation ? 0
                                                                                                 : 1;
 }

@@ -5,6 +5,7 @@
 
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
+#include "../support/replay.hpp"
 #include "../support/support.hpp"
 #include "simulation.hpp"
 
@@ -12,16 +13,31 @@ namespace {
 
 icat::Status status = icat::Status::ok;
 
-r2::StepResult step(const char* name, const r2::Step& setup) {
-  r2::StepResult r = r2::run(setup);
+r2::StepResult step(const char* name, const r2::Step& setup, const r2::Watch& watch = {}) {
+  r2::StepResult r = r2::run(setup, watch);
   r2::Rig::keep(status, r.status);
   std::printf("%-44s overshoot %5.2f %%, 2 %% after %5.2f s\n", name, 100 * r.overshoot, r.settled);
   return r;
 }
 
-void step_responses(const std::string& folder) {
-  const auto whole = step("PI with feed-forward", {});
-  const auto bare = step("PI alone", {.feed_forward = false});
+// The same, in the replay.
+r2::StepResult shown_step(support::Replay& replay, const char* name, const r2::Step& setup) {
+  support::VehicleRun run(replay, name, name, 5000, 1.5);
+  return step(name, setup, [&](double t, const r2::Rig& rig, const r2::Vector6& reference) {
+    icat::Pose<double> pose = icat::IdentityPose{};
+    pose.linear() = rig.attitude();
+    pose.translation() = rig.position();
+    if (!run.record(t, pose, reference, rig.velocity())) return;
+    const bool still = reference(0) == 0;
+    run.log().phase(t, still ? "still" : "ahead");
+    run.log().explain(t, still ? "The vehicle is told to keep still in a current of 0.1 m/s."
+                               : "The vehicle is told to go ahead at 0.2 m/s.");
+  });
+}
+
+void step_responses(const std::string& folder, support::Replay& replay) {
+  const auto whole = shown_step(replay, "PI with feed-forward", {});
+  const auto bare = shown_step(replay, "PI alone", {.feed_forward = false});
   const auto payload = step("30 % more mass", {.mass = 520});
   const auto retuned = step("30 % more mass, told", {.mass = 520, .model_mass = 520});
   const auto heavy = step("30 % more mass, PI alone", {.mass = 520, .feed_forward = false});
@@ -47,7 +63,8 @@ void step_responses(const std::string& folder) {
 int main(int argc, char** argv) {
   const auto arguments = support::parse(
       argc, argv, "A step of the surge velocity in a current of 0.1 m/s.", "out/11_vehicle_loop");
-  step_responses(arguments.output);
+  support::Replay replay("A step of the surge velocity in a current", true);
+  step_responses(arguments.output, replay);
   std::printf("keeping a place with a dead zone of 5 %% of full thrust, and without:\n");
   for (const double noise : {0.002, 0.005, 0.02}) {
     const auto with = r2::station_keeping(0.05, noise, status);
@@ -57,5 +74,6 @@ int main(int argc, char** argv) {
   }
   if (arguments.pictures) support::draw(arguments.output);
   std::printf("%s\n", icat::describe(status));
+  replay.write(arguments.output, arguments.logs);
   return status == icat::Status::ok ? 0 : 1;
 }

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <icat/control/thruster_allocation.hpp>
 #include <icat/control/vehicle_loop.hpp>
 #include <icat/model/maris_bodies.hpp>
@@ -106,8 +107,11 @@ struct StepResult {
   icat::Status status = icat::Status::ok;
 };
 
+/// Sees every control period: the time since the step, s, the rig and the reference.
+using Watch = std::function<void(double, const Rig&, const Vector6&)>;
+
 /// The vehicle keeps still for 20 s, then it is told to go ahead for 30 s.
-inline StepResult run(const Step& setup) {
+inline StepResult run(const Step& setup, const Watch& watch = {}) {
   const Vector3 current(setup.current, 0, 0);
   Rig rig(setup.mass, current, {});
   const auto model = icat::r2_vehicle_body(setup.model_mass);
@@ -122,6 +126,7 @@ inline StepResult run(const Step& setup) {
     Vector6 reference = Vector6::Zero();
     reference(0) = t >= 0 && t < setup.back ? setup.speed : 0;
     const Vector6 velocity = rig.velocity();
+    if (watch) watch(t, rig, reference);
     if (k >= 0) {
       result.surge.push_back(velocity(0));
       result.overshoot = std::max(result.overshoot, velocity(0) / setup.speed - 1);

@@ -2,11 +2,14 @@
 // The counterparts of Figs 17 and 18 of [MARIS]: a dynamic vehicle and arm with noisy velocity
 // feedback, without and with a low-pass at 50 rad/s; the sweep of the cut-off; and the effect of
 // the arm's reaction on the vehicle.
+#include <algorithm>
 #include <cstdio>
+#include <optional>
 #include <string>
 
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
+#include "../support/robot_replay.hpp"
 #include "../support/support.hpp"
 #include "simulation.hpp"
 
@@ -20,17 +23,40 @@ void print(const char* name, const Result& r) {
               icat::describe(r.status));
 }
 
+/// A run that is in the replay.
+Result shown_run(support::Replay& replay, const char* title, double cutoff) {
+  std::optional<support::RobotReplay<icat::ParallelController<feedback::Robot>>> view;
+  const support::RobotReplayOptions options{.frames = {"tool"},
+                                            .name = cutoff == 50 ? "filter" : "no filter",
+                                            .title = title,
+                                            .base = {1.0, 0.6, 0.6},
+                                            .ground = 2.2,
+                                            .samples = 610,
+                                            .rows = false};
+  return feedback::run({.cutoff = cutoff}, 30,
+                       [&](double t, const auto& controller, const auto& goal) {
+                         if (!view) {
+                           view.emplace(replay, controller, options);
+                           auto& plots = view->run().plots;
+                           std::reverse(plots.begin(), plots.end());  // velocities first
+                         }
+                         view->record(t, goal);
+                       });
+}
+
 /// The table, and what the picture is drawn from; `none` and `fifty` without and with the filter.
-bool sweep_cutoffs(const std::string& folder, Result& none, Result& fifty) {
+bool sweep_cutoffs(const std::string& folder, support::Replay& replay, Result& none,
+                   Result& fifty) {
   support::Csv run(folder, "run.csv", "t,filtered,u,v,w,p,q,r,q1,q2,q3,q4,q5,q6,q7");
   support::Csv sweep(folder, "sweep.csv",
                      "cutoff,reference,acceleration,rate,position,orientation,tool_speed");
   bool ok = true;
   for (const double cutoff : {2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, feedback::unfiltered}) {
-    Result r = feedback::run({.cutoff = cutoff});
     char name[32];
     std::snprintf(name, sizeof name, "filter %g rad/s", cutoff);
     const bool open = cutoff == feedback::unfiltered;
+    Result r = open || cutoff == 50 ? shown_run(replay, open ? "no filter" : name, cutoff)
+                                    : feedback::run({.cutoff = cutoff});
     print(open ? "no filter" : name, r);
     ok = ok && r.status == icat::Status::ok;
     sweep.row({open ? 1000 : cutoff, r.reference, r.acceleration, r.rate, r.position, r.orientation,
@@ -64,7 +90,8 @@ int main(int argc, char** argv) {
       "RMS                       joints    vehicle    vehicle     tool     tool      tool\n"
       "                           rad/s     rad/s^2      rad/s       mm      rad      mm/s\n");
   Result none, fifty;
-  const bool ok = sweep_cutoffs(arguments.output, none, fifty);
+  support::Replay replay("Noise of the measured velocity, with and without a filter", true);
+  const bool ok = sweep_cutoffs(arguments.output, replay, none, fifty);
   const Result alone = feedback::run({.reaction = false});
   const Result alone_fifty = feedback::run({.cutoff = 50, .reaction = false});
   const Result heavy = feedback::run({.arm = 2}),
@@ -103,5 +130,6 @@ int main(int argc, char** argv) {
   others = vary("a vehicle of 350 kg", {.mass = 350}) && others;
   others = vary("feedback at 100 Hz", {.every = 10}) && others;
   if (arguments.pictures) support::draw(arguments.output);
+  replay.write(arguments.output, arguments.logs);
   return ok && others && none.reference > 3 * fifty.reference ? 0 : 1;
 }

@@ -7,6 +7,7 @@
 
 #include <array>
 #include <cmath>
+#include <functional>
 #include <icat/control/low_pass.hpp>
 #include <icat/control/parallel_controller.hpp>
 #include <icat/control/thruster_allocation.hpp>
@@ -137,6 +138,10 @@ inline double carried(double t) {
   return 0.05 * 10 / (2 * std::numbers::pi) * (1 - std::cos(2 * std::numbers::pi * t / 10));
 }
 
+/// Sees the controllers 20 times a second, and the place where they hold the tool.
+using Watch =
+    std::function<void(double, const icat::ParallelController<Robot>&, const Vector3& goal)>;
+
 /// Robot, controllers and plant of one run.
 class Simulation {
  public:
@@ -164,7 +169,7 @@ class Simulation {
         random_(variant.seed),
         q_(start()) {}
 
-  Result run(double duration) {
+  Result run(double duration, const Watch& watch) {
     keep(controller_.start("hold", 0));
     const int steps = static_cast<int>(std::lround(duration / plant_dt));
     for (int k = 0; k < steps && result_.status == icat::Status::ok; ++k) {
@@ -176,6 +181,7 @@ class Simulation {
       for (int i = 0; i < 3; ++i) velocity(i) += vehicle_now_.linear()(0, i) * current(t);
       velocity_now_ = velocity;
       if (k % variant_.every == 0) control(k, t);
+      if (watch && k % base_every == 0) watch(t, controller_, hold_.goal().translation());
       move();
       if (k % variant_.every == 0 && t >= settled) measure();
     }
@@ -314,8 +320,8 @@ class Simulation {
   int counted_ = 0;
 };
 
-inline Result run(const Variant& variant, double duration = 30) {
-  return Simulation(variant).run(duration);
+inline Result run(const Variant& variant, double duration = 30, const Watch& watch = {}) {
+  return Simulation(variant).run(duration, watch);
 }
 
 }  // namespace feedback

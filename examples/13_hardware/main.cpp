@@ -6,11 +6,13 @@
 #include <cstdlib>
 #include <icat/sim/kinematic_plant.hpp>
 #include <icat/sim/plant_back_end.hpp>
+#include <memory>
 #include <stdexcept>
 #include <thread>
 
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
+#include "../support/robot_replay.hpp"
 #include "../support/support.hpp"
 #include "mission.hpp"
 
@@ -57,28 +59,42 @@ void write_csv(const std::string& folder, const reach::Result& result) {
   }
 }
 
-reach::Result run(const std::string& name, const std::string& can, const std::string& udp) {
+reach::Result run(const std::string& name, const std::string& can, const std::string& udp,
+                  support::Replay& replay) {
   const Robot robot = reach::make_robot();
   icat::KinematicPlant<Robot> plant(robot,
                                     {.q = support::folded_arm(), .not_actuated = reach::given});
   icat::PlantBackEnd kinematic(robot, plant);
   const auto log = [](double t, const std::string& phase) { entered(t, phase); };
-  if (name == "kinematic") return reach::run(kinematic, simulated, log);
+  // The robot as the back-end reads it.
+  using View = support::RobotReplay<icat::Controller<Robot>>;
+  const auto observe = [&](const icat::Controller<Robot>& controller) {
+    auto view = std::make_shared<View>(replay, controller,
+                                       support::RobotReplayOptions{.frames = {"tool"},
+                                                                   .name = name,
+                                                                   .title = "back-end " + name,
+                                                                   .base = {1.0, 0.6, 0.7},
+                                                                   .base_at = {0, 0, 0.07},
+                                                                   .ground = 2.6});
+    return [view](auto... now) { view->record(now...); };
+  };
+  if (name == "kinematic") return reach::run(kinematic, simulated, log, observe);
 #if defined(ICAT_WITH_MUJOCO)
   if (name == "mujoco") {
     const auto model =
         support::load_mujoco(support::mjcf(icat::maris_dynamics<double>(), support::pool()));
     icat::MujocoPlant<Robot> simulation(robot, *model, {.q = support::folded_arm()});
     icat::PlantBackEnd back_end(robot, simulation);
-    return reach::run(back_end, simulated, log);
+    return reach::run(back_end, simulated, log, observe);
   }
 #endif
 #if defined(ICAT_WITH_CAN)
   if (name == "canopen") {
     reach::CanopenArm back_end(kinematic, can);
-    return reach::run(back_end, real_time(), [&](double t, const std::string& phase) {
+    const auto say = [&](double t, const std::string& phase) {
       entered(t, phase, phase == "standby" ? back_end.why() : "");
-    });
+    };
+    return reach::run(back_end, real_time(), say, observe);
   }
 #endif
 #if defined(ICAT_WITH_MAVLINK)
@@ -88,7 +104,7 @@ reach::Result run(const std::string& name, const std::string& can, const std::st
     const int port = std::atoi(udp.c_str() + (colon == std::string::npos ? 0 : colon + 1));
     if (port < 1 || port > 65535) throw std::runtime_error("--udp: no port in '" + udp + "'");
     reach::ArduSubVehicle back_end(robot, kinematic, address, static_cast<std::uint16_t>(port));
-    return reach::run(back_end, real_time(), log);
+    return reach::run(back_end, real_time(), log, observe);
   }
 #endif
   (void)can, (void)udp;
@@ -106,12 +122,14 @@ int main(int argc, char** argv) {
        {"--can", "interface that the drives of the arm are on", &can},
        {"--udp", "port, or address:port, that ArduSub listens at", &udp}});
   try {
-    const reach::Result result = run(name, can, udp);
+    support::Replay replay("A vehicle with an arm brings its tool to a goal", true);
+    const reach::Result result = run(name, can, udp, replay);
     write_csv(arguments.output, result);
     const auto& last = result.samples.back();
     std::printf("%s: tool error %.3f mm, %.4f deg at the end\n", name.c_str(),
                 1e3 * last.position_error, last.orientation_error * 180 / std::numbers::pi);
     if (arguments.pictures) support::draw(arguments.output, {{"back_end", name}});
+    replay.write(arguments.output, arguments.logs);
     return result.held ? 0 : 1;
   } catch (const std::exception& error) {  // a port or an interface that there is not
     std::fprintf(stderr, "%s\n", error.what());

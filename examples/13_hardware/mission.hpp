@@ -49,9 +49,9 @@ struct Result {
 };
 
 /// Runs the mission. `clock(k)` waits for the k-th cycle and says its time, s; `entered(t, phase)`
-/// is told of every phase.
-template <icat::BackEnd<Robot> BackEnd, class Clock, class Entered>
-Result run(BackEnd& back_end, Clock clock, Entered entered) {
+/// is told of every phase; `observe(controller)` makes what is told of every cycle.
+template <icat::BackEnd<Robot> BackEnd, class Clock, class Entered, class Observe>
+Result run(BackEnd& back_end, Clock clock, Entered entered, Observe observe) {
   Robot robot = make_robot();
   const icat::FrameId tool = robot.frame("tool");
   icat::task::JointLimits limits(robot, {.margin = 0.15, .gain = 0.5});
@@ -98,6 +98,7 @@ Result run(BackEnd& back_end, Clock clock, Entered entered) {
   Result result;
   icat::RobotState<Robot> state(robot);
   bool begun = false;
+  const auto record = observe(controller);
   //! [loop]
   for (long cycle = 0; mission.end() == icat::PhaseEnd::none; ++cycle) {
     const double t = clock(cycle);
@@ -117,6 +118,7 @@ Result run(BackEnd& back_end, Clock clock, Entered entered) {
     result.samples.push_back({t, mission.index(), well, error.position, error.orientation, state.q,
                               state.base.translation(), robot.pose(tool).translation(),
                               controller.command()});
+    record(t, hand.goal().translation(), mission.phase());
   }
   // The last command is zero, for a back-end that holds its last command.
   (void)back_end.write(result.samples.back().t, icat::Vector<double, 13>::Zero());

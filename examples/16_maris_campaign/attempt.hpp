@@ -7,6 +7,7 @@
 
 #include <array>
 #include <cmath>
+#include <functional>
 #include <icat/action/maris_grasp.hpp>
 #include <icat/control/grasp_detector.hpp>
 #include <icat/control/low_pass.hpp>
@@ -30,9 +31,8 @@ namespace campaign {
 /// One attempt, see the file comment.
 class Attempt {
  public:
-  Attempt(const Switches& switches, std::uint64_t seed, bool trace)
+  Attempt(const Switches& switches, std::uint64_t seed)
       : switches_(switches),
-        trace_(trace),
         conditions_(seed),
         mount_(conditions_.believed_mount(switches.errors)),
         robot_(make_robot(mount_)),
@@ -84,20 +84,32 @@ class Attempt {
   Attempt(const Attempt&) = delete;
   Attempt& operator=(const Attempt&) = delete;
 
-  Result run() {
+  /// `watch` sees ten cycles a second.
+  Result run(const std::function<void(const Attempt&)>& watch = {}) {
     for (long k = 0; mission_.end() == icat::PhaseEnd::none && k < 40000; ++k) {
       time_ = control_dt * static_cast<double>(k);
       sense(k);
       look(k);
       decide();
       control(k);
-      if (trace_ && k % 10 == 0) record();
+      if (watch && k % 10 == 0) watch(*this);
       for (int i = 0; i < steps; ++i) move();
       if (bad_ != Status::ok) break;
     }
     return finish();
   }
-  const std::vector<Sample>& samples() const { return samples_; }
+  // As of the present cycle.
+  Sample sample() const {
+    const Pose off = (pipe() * at(0, 0, -palm_above)).inverse() * palm();
+    return {time_, off.translation().norm(), plant_.vehicle_velocity().head<3>(),
+            controller_.command().segment<3>(7), reference_.norm()};
+  }
+  const icat::ParallelController<Robot>& controller() const { return controller_; }
+  std::string_view phase() const { return mission_.phase(); }
+  /// Where the palm shall be, in the estimated ⟨0⟩.
+  Pose goal() const { return goal_; }
+  /// The pipe where it truly is from the robot, in the estimated ⟨0⟩.
+  Pose seen_pipe() const { return navigation_.pose() * plant_.vehicle().inverse() * pool_.pipe(); }
 
  private:
   // --- how it is made ----------------------------------------------------------------------------
@@ -323,12 +335,6 @@ class Attempt {
     keep(plant_.step(force, plant_dt));
   }
 
-  void record() {
-    const Pose off = (pipe() * at(0, 0, -palm_above)).inverse() * palm();
-    samples_.push_back({time_, off.translation().norm(), plant_.vehicle_velocity().head<3>(),
-                        controller_.command().segment<3>(7), reference_.norm()});
-  }
-
   Result finish() {
     const auto share = [](double sum, long n) {
       return n > 0 ? std::sqrt(sum / static_cast<double>(n)) : 0;
@@ -348,7 +354,6 @@ class Attempt {
   }
 
   Switches switches_;
-  bool trace_;
   Conditions conditions_;
   Pose mount_;
   Robot robot_;
@@ -387,7 +392,6 @@ class Attempt {
   bool closing_ = false, near_ = false;
   Status bad_ = Status::ok;
   Result result_;
-  std::vector<Sample> samples_;
 };
 
 }  // namespace campaign

@@ -8,10 +8,14 @@
 #include <atomic>
 #include <chrono>
 #include <memory>
+#include <numbers>
+#include <optional>
 #include <thread>
 
 #include "../support/command_line.hpp"
 #include "../support/csv.hpp"
+#include "../support/geometry.hpp"
+#include "../support/robot_replay.hpp"
 #include "../support/support.hpp"
 #include "attempt.hpp"
 #include "results.hpp"
@@ -32,8 +36,8 @@ bool run(const std::vector<Key>& todo, int jobs, const std::string& file) {
     threads.emplace_back([&] {
       for (std::size_t k = next++; k < todo.size() && written; k = next++) {
         const auto& [set, seed] = todo[k];
-        const auto attempt = std::make_unique<campaign::Attempt>(
-            campaign::sets[set], static_cast<std::uint64_t>(seed), false);
+        const auto attempt = std::make_unique<campaign::Attempt>(campaign::sets[set],
+                                                                 static_cast<std::uint64_t>(seed));
         if (!journal.add(todo[k], attempt->run())) written = false;
       }
     });
@@ -47,15 +51,66 @@ bool run(const std::vector<Key>& todo, int jobs, const std::string& file) {
   return written;
 }
 
-/// The first attempt of each set, for the picture.
-void trace(const std::string& folder) {
+/// An attempt in the replay.
+class View {
+ public:
+  View(support::Replay& replay, const char* name, const campaign::Attempt& attempt)
+      : view_(replay, attempt.controller(),
+              {.frames = {"tool"},
+               .name = name,
+               .base = {1.0, 0.6, 0.6},
+               .ground = campaign::floor,
+               .samples = 4000,
+               .rows = false}) {
+    view_.run().shapes.push_back({.form = icat::ReplayForm::cylinder,
+                                  .frame = "pipe",
+                                  .at = support::pose({0, 0, 0}, 0, std::numbers::pi / 2, 0),
+                                  .size = {campaign::radius, 1, 0},
+                                  .color = "#b5651d"});
+    view_.run().shapes.push_back({.form = icat::ReplayForm::cone,
+                                  .frame = "frame/base",
+                                  .at = campaign::camera_mount(),
+                                  .size = {0.4, 1.8, 0},
+                                  .color = "#f4d35e",
+                                  .opacity = 0.16});
+    view_.run().plots.insert(view_.run().plots.begin(),
+                             {"Palm to its place over the pipe", {"palm/"}, "m", 0, 0, true});
+  }
+  void record(const campaign::Attempt& now, const campaign::Sample& sample) {
+    if (now.phase() == "survey") {  // no goal yet
+      view_.record(sample.t, now.phase());
+    } else {
+      view_.record(sample.t, now.goal().translation(), now.phase());
+    }
+    view_.log().set(pipe_, now.seen_pipe());
+    view_.log().set(error_, sample.error);
+  }
+  void end(const char* name, const std::string& outcome) {
+    view_.run().title = name + (": " + outcome);
+  }
+
+ private:
+  support::RobotReplay<icat::ParallelController<campaign::Robot>> view_;
+  icat::LogChannel pipe_ = view_.log().add("pipe", "m", icat::LogKind::pose),
+                   error_ = view_.log().add("palm/true error", "m");
+};
+
+/// The first attempt of each set, for the picture; those of the campaigns and of April
+/// without compensation in the replay.
+void trace(const std::string& folder, support::Replay& replay) {
   for (int set = 0; set < campaign::set_count; ++set) {
-    const auto attempt =
-        std::make_unique<campaign::Attempt>(campaign::sets[set], std::uint64_t{1}, true);
-    (void)attempt->run();
+    const char* name = campaign::sets[set].name;
+    const auto attempt = std::make_unique<campaign::Attempt>(campaign::sets[set], std::uint64_t{1});
+    std::optional<View> view;
+    if (set < 4) view.emplace(replay, name, *attempt);
     support::Csv csv(folder, "trace" + std::to_string(set) + ".csv",
                      "t,error,u,v,w,u_command,v_command,w_command,joints");
-    for (const auto& s : attempt->samples()) csv.row(s.t, s.error, s.actual, s.command, s.joints);
+    const auto result = attempt->run([&](const campaign::Attempt& now) {
+      const campaign::Sample s = now.sample();
+      csv.row(s.t, s.error, s.actual, s.command, s.joints);
+      if (view) view->record(now, s);
+    });
+    if (view) view->end(name, result.outcome);
   }
 }
 
@@ -145,8 +200,11 @@ int main(int argc, char** argv) {
   std::ofstream(arguments.output + "/table.txt") << text;
   std::printf("\n%s", text.c_str());
   if (arguments.pictures) {
-    trace(arguments.output);
+    support::Replay replay("Attempts to grasp a pipe in the campaigns of MARIS", true);
+    trace(arguments.output, replay);
     support::draw(arguments.output);
+    replay.show(campaign::sets[2].name, campaign::sets[3].name);
+    replay.write(arguments.output, arguments.logs);
   }
   for (const auto& [key, r] : results) {
     if (r.outcome == "fault") code = 1;

@@ -7,23 +7,27 @@
 
 namespace support {
 
+void record_posture(const Uvms& robot, icat::FrameId tool, icat::FrameId tip, RobotSample& s) {
+  s.vehicle = robot.pose(robot.base());
+  s.tool = robot.pose(tool);
+  s.q = robot.q();
+  s.joint_margin = joint_margin(robot);
+  s.attitude = std::acos(std::clamp(s.vehicle.matrix()(2, 2), -1.0, 1.0));
+  for (std::size_t j = 0; j < 7; ++j) {
+    s.arm[j] = robot.pose(robot.frame("link" + std::to_string(j + 1))).translation();
+  }
+  s.arm[7] = robot.pose(robot.frame("end_effector")).translation();
+  s.arm[8] = robot.pose(tip).translation();
+}
+
 void Recorder::record(const Command& command, const icat::Vector6<double>& vehicle_velocity,
                       RobotSample& s) {
   s.command = command;
   s.vehicle_velocity = vehicle_velocity;
-  s.vehicle = robot_.pose(robot_.base());
-  s.tool = robot_.pose(tool_);
-  s.q = robot_.q();
-  s.joint_margin = joint_margin(robot_);
+  record_posture(robot_, tool_, tip_, s);
   manipulability_.update();
   s.manipulability = manipulability_.value();
-  s.attitude = std::acos(std::clamp(s.vehicle.matrix()(2, 2), -1.0, 1.0));
   s.centering = angle_from_z(robot_.pose(camera_), target_);
-  for (std::size_t j = 0; j < 7; ++j) {
-    s.arm[j] = robot_.pose(robot_.frame("link" + std::to_string(j + 1))).translation();
-  }
-  s.arm[7] = robot_.pose(robot_.frame("end_effector")).translation();
-  s.arm[8] = robot_.pose(tip_).translation();
 }
 
 void draw_robot(Strokes& strokes, const RobotSample& sample) {

@@ -27,6 +27,9 @@ struct RobotSample {
   std::array<icat::Vector3<double>, 9> arm;  ///< in the world, from the mount to the tip
 };
 
+/// Fills in what is drawn of the robot as it is now: pose of the vehicle, tool, joints, arm.
+void record_posture(const Uvms& robot, icat::FrameId tool, icat::FrameId tip, RobotSample& sample);
+
 /// Fills samples of one robot.
 class Recorder {
  public:

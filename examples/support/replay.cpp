@@ -2,11 +2,13 @@
 #include "replay.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cstdio>
 #include <filesystem>
 #include <icat/adapters/csv.hpp>
 #include <icat/adapters/mcap.hpp>
 #include <icat/adapters/replay.hpp>
+#include <utility>
 
 #include "geometry.hpp"
 
@@ -118,8 +120,8 @@ void UvmsRun::add_path(const char* frame) {
   run_.shapes.push_back({.form = ReplayForm::path, .frame = frame, .color = "#8a4b14"});
 }
 
-void UvmsRun::add_robot(const char* name, const std::vector<std::string>& tasks, const Pose& camera,
-                        const char* paint) {
+void UvmsRun::add_robot(const char* name, const std::vector<std::string>& tasks,
+                        const std::optional<Pose>& camera, const char* paint) {
   const std::string prefix(name), color(paint);
   icat::Log& log = log_;
   Robot robot;
@@ -157,17 +159,19 @@ void UvmsRun::add_robot(const char* name, const std::vector<std::string>& tasks,
   for (const double side : {-1.0, 1.0}) {
     part({0, side * 0.25, 0.28}, {0.5, 0.03, 0.14}, "#2b3640");
   }
-  shapes.push_back({.form = ReplayForm::sphere,
-                    .frame = prefix + "vehicle",
-                    .at = camera,
-                    .size = {0.06, 0, 0},
-                    .color = "#11181f"});
-  shapes.push_back({.form = ReplayForm::cone,
-                    .frame = prefix + "vehicle",
-                    .at = camera,
-                    .size = {0.35, 1.4, 0},
-                    .color = "#f4d35e",
-                    .opacity = 0.16});
+  if (camera) {
+    shapes.push_back({.form = ReplayForm::sphere,
+                      .frame = prefix + "vehicle",
+                      .at = *camera,
+                      .size = {0.06, 0, 0},
+                      .color = "#11181f"});
+    shapes.push_back({.form = ReplayForm::cone,
+                      .frame = prefix + "vehicle",
+                      .at = *camera,
+                      .size = {0.35, 1.4, 0},
+                      .color = "#f4d35e",
+                      .opacity = 0.16});
+  }
   for (int j = 0; j < 8; ++j) {
     shapes.push_back({.form = ReplayForm::bone,
                       .frame = prefix + "arm/" + std::to_string(j),
@@ -202,6 +206,46 @@ void UvmsRun::record(std::size_t i, const RobotSample& s, const double* activati
   const double state[] = {s.joint_margin, s.manipulability, s.attitude, s.centering};
   for (std::size_t j = 0; j < 4; ++j) log_.set(robot.state[j], state[j]);
   for (const auto& channel : robot.activations) log_.set(channel, *activations++);
+}
+
+namespace {
+constexpr std::array<std::pair<const char*, int>, 4> moves{
+    {{"Surge", 0}, {"Sway", 1}, {"Heave", 2}, {"Yaw rate", 5}}};
+}
+
+VehicleRun::VehicleRun(Replay& replay, const char* name, const char* title, std::size_t samples,
+                       double ground)
+    : run_(replay.add(name, title, samples)), log_(replay.log()) {
+  vehicle_ = log_.add("vehicle", "m", icat::LogKind::pose);
+  for (const auto& [move, row] : moves) {
+    const std::string group = move;
+    const char* unit = row < 3 ? "m/s" : "rad/s";
+    wanted_.push_back(log_.add(group + "/commanded", unit));
+    actual_.push_back(log_.add(group + "/actual", unit));
+    run_.plots.push_back({group, {group + "/"}, unit});
+  }
+  const auto box = [&](double ahead, std::array<double, 3> size, const char* color) {
+    icat::ReplayShape s{.form = ReplayForm::box, .frame = "vehicle", .size = size, .color = color};
+    s.at.translation().x() = ahead;
+    run_.shapes.push_back(s);
+  };
+  box(0, {1.0, 0.6, 0.5}, "#d98a2b");
+  box(0.52, {0.06, 0.5, 0.4}, "#2b3640");  // the bow
+  run_.shapes.push_back({.form = ReplayForm::path, .frame = "vehicle", .color = "#d1495b"});
+  icat::ReplayShape floor{.form = ReplayForm::ground, .size = {26, 0, 0}};
+  floor.at.translation().z() = ground;
+  run_.shapes.push_back(floor);
+}
+
+bool VehicleRun::record(double t, const icat::Pose<double>& pose,
+                        const icat::Vector6<double>& wanted, const icat::Vector6<double>& actual) {
+  if (!log_.begin(t)) return false;
+  log_.set(vehicle_, pose);
+  for (std::size_t i = 0; i < moves.size(); ++i) {
+    log_.set(wanted_[i], wanted(moves[i].second));
+    log_.set(actual_[i], actual(moves[i].second));
+  }
+  return true;
 }
 
 }  // namespace support

@@ -5,6 +5,7 @@
 
 #include <icat/control/log.hpp>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -51,9 +52,9 @@ class UvmsRun {
   UvmsRun& operator=(const UvmsRun&) = delete;
 
   /// A robot more. `prefix` of its channels, such as "a/"; `tasks`: names of the activations;
-  /// `camera` on the vehicle.
-  void add_robot(const char* prefix, const std::vector<std::string>& tasks, const Pose& camera,
-                 const char* color);
+  /// `camera` on the vehicle, where it has one.
+  void add_robot(const char* prefix, const std::vector<std::string>& tasks,
+                 const std::optional<Pose>& camera, const char* color);
   /// A picture of the channels whose names begin with `channels`.
   void add_plot(const char* title, const char* channels, const char* unit, bool logarithmic);
   /// Where the sea ends: a grid.
@@ -77,6 +78,25 @@ class UvmsRun {
   icat::ReplayRun& run_;
   icat::Log& log_;
   std::vector<Robot> robots_;
+};
+
+/// A run with a vehicle alone.
+class VehicleRun {
+ public:
+  VehicleRun(Replay& replay, const char* name, const char* title, std::size_t samples,
+             double ground);
+  /// A sample: the pose, the velocity that is wanted and the one that is, components on ⟨v⟩. False
+  /// where the log does not take it.
+  bool record(double t, const icat::Pose<double>& pose, const icat::Vector6<double>& wanted,
+              const icat::Vector6<double>& actual);
+  icat::ReplayRun& run() { return run_; }
+  icat::Log& log() { return log_; }
+
+ private:
+  icat::ReplayRun& run_;
+  icat::Log& log_;
+  icat::LogChannel vehicle_;
+  std::vector<icat::LogChannel> wanted_, actual_;
 };
 
 }  // namespace support

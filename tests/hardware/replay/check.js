@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// node check.js <replay.html>: opens it in Chromium as a double click does, without a network.
+// node check.js <replay.html> [<least motion, m>]: opens it in Chromium as a double click does, without a network.
 const assert = require("assert");
 const fs = require("fs");
 const path = require("path");
@@ -45,7 +45,7 @@ async function main() {
     assert(Math.abs(seen.time - seen.wanted) < 1e-9, `the slider stands at ${seen.wanted}, the page at ${seen.time}`);
     assert(seen.worlds.length > 0 && seen.worlds.every((w) => w.off < 1e-9), "a shape is not at its frame");
   }
-  assert(moved(first, middle) > 0.05, "nothing moves");
+  assert(moved(first, middle) > Number(process.argv[3] || 0.05), `nothing moves but ${moved(first, middle)} m`);
   assert(moved(first, again) === 0);
   assert(first.picture.length > 10000, "the 3-D picture is empty");
   for (const what of ["picture", "plot", "numbers", "clock"]) {
