@@ -48,6 +48,7 @@ double Reasons<Controller>::seconds() const {
 }
 
 template class Reasons<icat::Controller<Uvms>>;
+template class Reasons<icat::Controller<icat::KinematicTree<double, 8>>>;  // 03_nsb_dual_arm
 template class Reasons<icat::ParallelController<Uvms>>;
 template class Reasons<icat::Agent<Uvms>>;
 
