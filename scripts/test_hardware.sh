@@ -28,7 +28,7 @@ say "Testing against the peers"
 ctest --preset hardware --verbose >build/hardware.test.log 2>&1 ||
   { log_tail "$PWD/build/hardware.test.log"; fail "an adapter fails against its peer"; }
 # The figures that the pages cite.
-sed -nE 's/^[0-9]+: //; /latency|allocates|bus load|not healthy|tool error|^(acoustic modem|mavlink: |gpsd: |dolfyn|PD6|measurements)|tests passed/p' \
+sed -nE 's/^[0-9]+: //; /latency|uml: not run|allocates|bus load|not healthy|tool error|^(acoustic modem|mavlink: |gpsd: |dolfyn|PD6|measurements)|tests passed/p' \
   build/hardware.test.log
 
 say "On a microcontroller, in QEMU"

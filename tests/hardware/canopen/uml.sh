@@ -5,6 +5,8 @@
 #
 #     uml: exit status <n>
 #
+# On a processor whose registers its kernel cannot save (AMX), it says so and ends with 77.
+#
 # Debian: user-mode-linux, kmod, iproute2. Nothing here needs root.
 set -euo pipefail
 (($#)) || { echo "usage: uml.sh <program> <arguments>..." >&2; exit 2; }
@@ -47,4 +49,8 @@ export TMPDIR=$work
 timeout -k 5 "${ICAT_UML_SECONDS:-240}" linux.uml mem=256M uml_dir="$work" rootfstype=hostfs \
   rootflags=/ rw init="$work/init" con=null con0=null,fd:1 quiet </dev/null 2>"$work/errors" |
   tr -d '\r' | tee "$work/output" || true
+if cat "$work/errors" "$work/output" | grep -q 'ptrace set fp regs failed'; then
+  echo "uml: not run: the kernel of User Mode Linux cannot save the registers of this processor"
+  exit 77
+fi
 grep -q '^uml: exit status 0$' "$work/output" || { cat "$work/errors" >&2; exit 1; }
