@@ -260,7 +260,7 @@ TEST(Reproduce, Maris) {
          {19, ""}},
         1);
   const std::string attempts = bytes(page.folder / "16_maris_campaign/attempts.csv");
-  EXPECT_EQ(std::count(attempts.begin(), attempts.end(), '\n'), 1 + 2 * 6);
+  EXPECT_EQ(std::count(attempts.begin(), attempts.end(), '\n'), 1 + 2 * 8);
   // Rates of two attempts are what they are: of docs/ the rows, by their first two cells.
   const std::string docs = bytes(source + "/docs/reproduce_maris.md");
   for (const Table& t : page.tables) {
