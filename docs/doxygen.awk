@@ -24,7 +24,7 @@ function formulas(line,   done, part) {
 
 function links(line,   done, part) {
   done = ""
-  while (match(line, /\]\((docs\/)?[a-z_]+\.md\)/)) {
+  while (match(line, /\]\((docs\/)?[a-z0-9_]+\.md\)/)) {
     part = substr(line, RSTART + 2, RLENGTH - 6)
     sub(/^docs\//, "", part)
     done = done substr(line, 1, RSTART - 1) "](\\ref " part ")"
