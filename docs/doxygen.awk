@@ -41,7 +41,7 @@ function links(line,   done, part) {
   return line
 }
 
-FNR == 1 && /^# / && FILENAME ~ /(^|\/)docs\/[a-z_]+\.md$/ {
+FNR == 1 && /^# / && FILENAME ~ /(^|\/)docs\/[a-z0-9_]+\.md$/ {
   label = FILENAME
   sub(/.*\//, "", label)
   sub(/\.md$/, "", label)
