@@ -101,7 +101,8 @@ table(["robot", "limit", "icat", "bound", "fastest peer with all tasks", "met",
 
 count = regularized["icat", "panda", "limit"]
 with_limit, without = (cell("icat", "panda", "limit", part) for part in ("alone", "alone, no limits"))
-print(f"Near the limit of the Panda's fourth joint the elbow is almost straight, so that the pose of the hand is near a singularity: icat regularizes a level in {count} of the {STATES} states (with no limit near: in {regularized['icat', 'panda', 'clear']}). It is this that takes time: the solver alone needs {with_limit} µs in these states, and {without} µs in the same states with the task of joint limits switched off.\n")
+clear = cell("icat", "panda", "clear", "alone")
+print(f"Near the limit of the Panda's fourth joint the elbow is almost straight, so that the pose of the hand is near a singularity: icat regularizes a level in {count} of the {STATES} states (with no limit near: in {regularized['icat', 'panda', 'clear']}). The limit and the singularity both take time: the solver alone needs {with_limit} µs in these states, {without} µs in the same states with the task of joint limits switched off, and {clear} µs with no limit near.\n")
 
 for robot, title in ROBOTS.items():
     print(f"## {title}\n\nTasks: {TASKS[robot]}\n")
