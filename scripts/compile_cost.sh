@@ -2,10 +2,10 @@
 # Compile time of user programs, as multiples of an include of Eigen/Dense alone: a Markdown table. A
 # processor's clock drifts within a run, so the include is compiled right before each file, and the
 # quotient of the two user times counts, the median of three. With --check a bound is exceeded where
-# that median, and then that of five, is more than 15 % above it, which is how far the same file
-# differs from machine to machine: a bare Tpik took 2.60 times the include on one, 2.99 times on
-# another, by the same compiler. The bounds are for g++. The command line and the replay of the
-# examples are not in it: they are compiled once, in examples/support.
+# each of four quotients is more than 15 % above it, which is how far the same file differs from
+# machine to machine: a bare Tpik took 2.60 times the include on one, 2.99 times on another, by the
+# same compiler. The bounds are for g++. The command line and the replay of the examples are not in
+# it: they are compiled once, in examples/support.
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
 check=false
@@ -30,17 +30,19 @@ compile() {
 # row <what> <file> <flags> <times, or -> <megabytes, or ->
 failures=0
 row() {
-  local i d s kilobytes ratio seconds megabytes pairs=() met=no
+  local i d s kilobytes ratio seconds megabytes pairs='' met=no
   ! $check || [[ $4 != - ]] || return 0
-  for i in 1 2 3 4 5; do
+  for i in 1 2 3 $($check && echo 4); do
     read -r d _ < <(compile "$work/dense.cpp" $3)
     read -r s kilobytes < <(compile "$2" $3)
     [[ -n $d && -n $s ]] || fail "$2 does not compile with $3"
-    pairs+=("$(awk -v d="$d" -v s="$s" -v k="$kilobytes" 'BEGIN { print s / d, s, k / 1024 }')")
-    ((i == 3 || i == 5)) || continue
-    read -r ratio seconds megabytes < <(printf '%s\n' "${pairs[@]}" | sort -g | sed -n "$(((i + 1) / 2))p")
-    if ! $check || within "$ratio" "$4" "$megabytes" "$5" 1.15; then break; fi
+    pairs+=$(awk -v d="$d" -v s="$s" -v k="$kilobytes" 'BEGIN { print s / d, s, k / 1024 }')$'\n'
+    if $check; then
+      read -r ratio seconds megabytes < <(sort -g <<<"${pairs%$'\n'}" | head -n1)
+      within "$ratio" "$4" "$megabytes" "$5" 1.15 && break
+    fi
   done
+  $check || read -r ratio seconds megabytes < <(sort -g <<<"${pairs%$'\n'}" | sed -n 2p)
   within "$ratio" "$4" "$megabytes" "$5" 1.15 || failures=$((failures + 1))
   within "$ratio" "$4" "$megabytes" "$5" 1 && met=yes || met="**no**"
   local bound="≤ $4 ×"
