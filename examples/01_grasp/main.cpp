@@ -91,17 +91,17 @@ void add_to(support::Replay& replay, const NamedVariant& v, const grasp::Result&
   }
 }
 
-bool draw(const std::string& folder, const char* title, const grasp::Result& r) {
+void draw(const std::string& folder, const char* title, const grasp::Result& r) {
   std::string activations, names, times;
   for (const auto& task : r.tasks) activations.append(column_name(task)).append(" ");
   for (const auto& phase : r.phases) {
     names.append(phase.first).append(" ");
     times.append(std::to_string(phase.second)).append(" ");
   }
-  return support::draw(folder, {{"mission", title},
-                                {"activations", activations},
-                                {"phase_names", names},
-                                {"phase_times", times}});
+  support::draw(folder, {{"mission", title},
+                         {"activations", activations},
+                         {"phase_names", names},
+                         {"phase_times", times}});
 }
 
 void print(const NamedVariant& v, const grasp::Result& r, double seconds) {
@@ -136,7 +136,7 @@ int main(int argc, char** argv) {
       argc, argv, "The reference mission: navigate, grasp a pipe, lift it.", "out/01_grasp", names);
 
   support::Replay replay("A vehicle comes to a pipe, grasps it and lifts it", true);
-  bool all_well = true, drawn = arguments.pictures;
+  bool all_well = true;
   double without = 0, with = 0;
   for (const auto& v : variants) {
     if (!arguments.variant.empty() && arguments.variant != v.name) continue;
@@ -159,13 +159,13 @@ int main(int argc, char** argv) {
     write_csv(folder, r);
     write_scene(folder, r);
     add_to(replay, v, r, v.variant.compensation ? compensated.sentences() : plain.sentences());
-    if (drawn) drawn = draw(folder, v.title, r);
+    if (arguments.pictures) draw(folder, v.title, r);
   }
   if (with > 0 && without > 0) {
     std::printf("\nIn the current, the compensation makes the tool error %.0f times smaller.\n",
                 without / with);
   }
-  std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
+  std::printf("\nCSV%s in %s\n", support::drawn() ? " and pictures" : "", arguments.output.c_str());
   replay.look(-1.5, 0.3);
   replay.show("current", "compensated");
   replay.write(arguments.output, arguments.logs);

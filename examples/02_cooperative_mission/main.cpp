@@ -212,13 +212,13 @@ void print_message() {
   }
 }
 
-bool draw(const fs::path& folder, const char* title, const cooperation::Result& r) {
+void draw(const fs::path& folder, const char* title, const cooperation::Result& r) {
   std::string tasks, ends, snapshots;
   for (const char* task : cooperation::task_names) tasks += std::string(task) + ' ';
   for (const double end : r.ends) ends += std::to_string(end) + ' ';
   for (const double t : snapshot_times(r)) snapshots += std::to_string(t) + ' ';
-  return support::draw(
-      folder, {{"mission", title}, {"tasks", tasks}, {"ends", ends}, {"snapshots", snapshots}});
+  support::draw(folder,
+                {{"mission", title}, {"tasks", tasks}, {"ends", ends}, {"snapshots", snapshots}});
 }
 
 // When the phases end, or how long they take. The paper names two moments of its second run.
@@ -306,7 +306,7 @@ int main(int argc, char** argv) {
 
   std::map<std::string, cooperation::Result> results;
   support::Replay replay("Two vehicles grasp a pipe, carry it and set it down", true);
-  bool all_well = true, drawn = arguments.pictures;
+  bool all_well = true;
   for (const auto& v : variants) {
     if (!arguments.variant.empty() && arguments.variant != v.name) continue;
     const std::clock_t begin = std::clock();
@@ -331,7 +331,7 @@ int main(int argc, char** argv) {
     write_csv(folder, r);
     write_scene(folder, r);
     add_to(replay, v, r, reasons);
-    if (drawn) drawn = draw(folder, v.title, r);
+    if (arguments.pictures) draw(folder, v.title, r);
   }
   print_phases(results, false);
   print_phases(results, true);
@@ -345,7 +345,7 @@ int main(int argc, char** argv) {
         "%.0f times smaller.\n",
         results["current"].object_speed_error / results["compensated"].object_speed_error);
   }
-  std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
+  std::printf("\nCSV%s in %s\n", support::drawn() ? " and pictures" : "", arguments.output.c_str());
   replay.look(-2.4, 0.4);
   replay.show("current", "compensated");
   replay.write(arguments.output, arguments.logs);

@@ -32,10 +32,10 @@ do for [i=1:words(ends)-1] {
 set xlabel 't (s)'
 set title 'zoom of arm b'
 set ylabel 'rad/s'
-plot for [i=1:7] csv using 't':'qdot'.i.'_b' with lines lw 2 title 'joint '.i
+plot for [i=1:7] csv every ::3790::4110 using 't':'qdot'.i.'_b' with lines lw 2 title 'joint '.i
 set title 'zoom of vehicle b'
 set ylabel 'm/s, rad/s'
-plot for [c in axes] csv using 't':'actual_'.c.'_b' with lines lw 2 title c noenhanced
+plot for [c in axes] csv every ::3790::4110 using 't':'actual_'.c.'_b' with lines lw 2 title c noenhanced
 unset multiplot
 set xrange [0:last]
 eval borders

@@ -80,10 +80,10 @@ void write_snapshots(const std::string& folder, const nsb::Scenario& scenario,
       {r.samples.front().reference.translation(), r.samples.back().reference.translation()});
 }
 
-bool draw(const std::string& folder) {
+void draw(const std::string& folder) {
   std::string times;
   for (const double t : snapshots) times += std::to_string(static_cast<int>(t)) + " ";
-  return support::draw(folder, {{"times", times}});
+  support::draw(folder, {{"times", times}});
 }
 
 void add_to(support::Replay& replay, const Run& run) {
@@ -228,8 +228,8 @@ int main(int argc, char** argv) {
     }
   }
   write_snapshots(arguments.output, line, runs[0].result);
-  const bool drawn = arguments.pictures && draw(arguments.output);
-  std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
+  if (arguments.pictures) draw(arguments.output);
+  std::printf("\nCSV%s in %s\n", support::drawn() ? " and pictures" : "", arguments.output.c_str());
   replay.look(-90 * nsb::degree, 85 * nsb::degree);
   replay.show("limit, NSB", "limit, iCAT");
   replay.write(arguments.output, arguments.logs);

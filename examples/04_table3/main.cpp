@@ -266,10 +266,11 @@ int main(int argc, char** argv) {
     names += name + ' ';
   }
   if (arguments.extended) sensitivity(arguments.output);
-  const bool drawn = arguments.pictures &&
-                     support::draw(arguments.output,
-                                   {{"rows", names}, {"study", arguments.extended ? "yes" : "no"}});
-  std::printf("\nCSV%s in %s\n", drawn ? " and pictures" : "", arguments.output.c_str());
+  if (arguments.pictures) {
+    support::draw(arguments.output,
+                  {{"rows", names}, {"study", arguments.extended ? "yes" : "no"}});
+  }
+  std::printf("\nCSV%s in %s\n", support::drawn() ? " and pictures" : "", arguments.output.c_str());
   replay.look(-2.4, 0.4);
   replay.write(arguments.output, arguments.logs);
   bool all_well = true;

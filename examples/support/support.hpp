@@ -14,10 +14,14 @@ struct Variable {
   std::string_view text;
 };
 
-/// Runs gnuplot's `script` with its strings `folder` and `more`. False where gnuplot cannot be
-/// started.
-bool draw(const std::string& folder, std::initializer_list<Variable> more = {},
+/// Starts gnuplot on `script` with its strings `folder` and `more`; it draws while the program goes
+/// on.
+void draw(const std::string& folder, std::initializer_list<Variable> more = {},
           const char* script = ICAT_PLOT_SCRIPT);
+
+/// Waits for what `draw` started: are there pictures, and did none fail? A failure is told once on
+/// standard error. A program that does not ask waits at its end.
+bool drawn();
 
 /// A progress bar on a terminal; prints nothing elsewhere; removed when destroyed.
 class ProgressBar {
