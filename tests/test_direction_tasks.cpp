@@ -33,7 +33,7 @@ constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 template <class K>
 class DirectionTasks : public testing::Test {};
-TYPED_TEST_SUITE(DirectionTasks, testing_support::TaskKinds);
+TYPED_TEST_SUITE(DirectionTasks, testing_support::AllKinds);
 
 template <class S>
 Vector3<S> vector(double x, double y, double z) {

@@ -35,7 +35,7 @@ constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 template <class K>
 class FrameTasks : public testing::Test {};
-TYPED_TEST_SUITE(FrameTasks, testing_support::TaskKinds);
+TYPED_TEST_SUITE(FrameTasks, testing_support::AllKinds);
 
 // Where the goal is, seen from the frame: here, somewhere, half a turn away about two axes, nearly.
 const std::vector<std::pair<const char*, Pose<double>>>& errors() {

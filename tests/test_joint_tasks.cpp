@@ -34,7 +34,7 @@ constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 template <class K>
 class JointTasks : public testing::Test {};
-TYPED_TEST_SUITE(JointTasks, testing_support::TaskKinds);
+TYPED_TEST_SUITE(JointTasks, testing_support::AllKinds);
 
 const Names left_arm{"left1", "left2", "left3", "left4", "left5", "left6"};
 const Names right_arm{"right1", "right2", "right3", "right4"};

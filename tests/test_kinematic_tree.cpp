@@ -31,10 +31,7 @@ constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 template <class K>
 class KinematicTrees : public testing::Test {};
-using Kinds =
-    testing::Types<testing_support::Kind<float, 1>, testing_support::Kind<float, Eigen::Dynamic>,
-                   testing_support::Kind<double, 1>, testing_support::Kind<double, Eigen::Dynamic>>;
-TYPED_TEST_SUITE(KinematicTrees, Kinds);
+TYPED_TEST_SUITE(KinematicTrees, testing_support::AllKinds);
 
 template <class Tree>
 Tree chain(std::vector<icat::Joint<typename Tree::Scalar>> joints) {

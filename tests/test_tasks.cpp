@@ -162,7 +162,7 @@ TEST(Tasks, OfTheUsersOwnBeginActiveAndBelongToTheirRobot) {
 
 template <class K>
 class FunctionTasks : public testing::Test {};
-TYPED_TEST_SUITE(FunctionTasks, testing_support::TaskKinds);
+TYPED_TEST_SUITE(FunctionTasks, testing_support::AllKinds);
 
 // Depth and the lift's height above it.
 template <class Tree>

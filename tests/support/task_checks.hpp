@@ -17,8 +17,6 @@
 namespace testing_support {
 
 using Torso = icat::KinematicTree<double>;
-using TaskKinds = testing::Types<Kind<float, 1>, Kind<float, Eigen::Dynamic>, Kind<double, 1>,
-                                 Kind<double, Eigen::Dynamic>>;
 template <class K>
 using TorsoOf = typename K::template Tree<torso_columns>;
 

@@ -3,6 +3,8 @@
 /// A tree with everything in it that a robot can have, states for it, and central differences.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <icat/math/numerical_differentiation.hpp>
 #include <icat/model/kinematic_tree.hpp>
 #include <numbers>
@@ -11,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "support/sanitized.hpp"
 #include "support/states.hpp"
 
 namespace testing_support {
@@ -23,6 +26,12 @@ struct Kind {
   template <int Columns>
   using Tree = icat::KinematicTree<S, N == Eigen::Dynamic ? N : Columns>;
 };
+/// Each takes seconds to compile: with sanitizers each scalar and each size once, not their
+/// product.
+using AllKinds =
+    std::conditional_t<sanitized, testing::Types<Kind<float, Eigen::Dynamic>, Kind<double, 1>>,
+                       testing::Types<Kind<float, 1>, Kind<float, Eigen::Dynamic>, Kind<double, 1>,
+                                      Kind<double, Eigen::Dynamic>>>;
 
 /// The text of the error that `f` ends in.
 template <class F>
