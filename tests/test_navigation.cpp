@@ -868,7 +868,7 @@ TEST(NavigationAllocates, Nothing) {
   EXPECT_TRUE(ok);
 }
 
-// Members initialised from bare braces, as GCC 12 likes them least: tests/test_member_initialisers.
+// Members initialised from bare braces, as GCC 12 likes them least: tests/interfaces.
 template <class S>
 struct Program {
   icat::VehicleModel<S> vehicle{.inertia = icat::Filled{100}, .weight_in_water = S(-5)};
