@@ -172,7 +172,7 @@ page.text(f"## Table I: success of grasps\n\n{attempts:.0f} attempts of each cam
           "`examples/16_maris_campaign`; in brackets the interval of 95 % by Wilson. The paper prints "
           "rates without intervals. With few attempts the rates here are as unsure as their intervals "
           "say. [The campaign](campaign.md) explains "
-          "why attempts fail and what the ablations mean; the reasons below come from its 100 attempts.")
+          "why attempts fail and what the ablations mean; the reasons below come from it.")
 page.table(["campaign", "DVL", "paper", "here", "off", "why"], rows)
 page.picture("campaign", of("16_maris_campaign", "attempts.png"),
              "One attempt of each; the paper prints no such figure.")
