@@ -7,8 +7,9 @@
 #include <icat/tpik/tpik.hpp>
 
 #include "support/linear_algebra.hpp"
-#include "support/oracle.hpp"
+#include "support/oracle_rule.hpp"
 #include "support/panels.hpp"
+#include "support/sanitized.hpp"
 
 namespace {
 
@@ -268,6 +269,78 @@ TEST(Paths, BinaryRowsBesidePartialOnes) {
   }
 }
 
+// The same where the level is ill conditioned: what is exact for rows of one size cancels, and each
+// part has to be formed from rows that do not.
+TEST(Paths, BinaryRowsBesidePartialOnesNearlyDependent) {
+  RandomHierarchy h = empty(5);
+  MatrixXd J(4, 5), below(2, 5);
+  J << -0.400084, -0.577535, -0.531082, 0.359535, 0.171794,  //
+      9.18473, 13.6003, 13.8085, -2.43595, -2.28577,         //
+      4.65021, 7.0101, 7.25258, -1.28786, -1.21359,          //
+      8.81569, 12.6424, 13.0259, -2.16854, -2.73389;
+  below << 0.100132, -0.0764282, 0.153983, -0.0834527, -0.0890457,  //
+      -0.171953, -0.103863, 0.0346293, -0.145989, 0.0160302;
+  h.levels = {{J, Eigen::Vector4d(1, 0.385054, 0.972488, 0.186314),
+               Eigen::Vector4d(-1.28807, 35.2212, 18.2968, 33.4335)},
+              {below, VectorXd::Ones(2), Eigen::Vector2d(1.26125, -2.41295)}};
+  expect_literal(h);
+
+  // The closing level alone: one direction of U is long, and cancels in U Vᵀ.
+  h = empty(6);
+  J.resize(3, 6);
+  J << 127.361, 4.98917, -144.509, 74.8377, -79.4671, -128.266,  //
+      -3717.38, -144.747, 4214.66, -2181.06, 2314.2, 3733.32,    //
+      1302.54, 50.4511, -1476.46, 764.033, -810.579, -1307.87;
+  h.levels = {
+      {J, Eigen::Vector3d(1, 0.0586825, 0.425459), Eigen::Vector3d(0.928261, 0.0286205, 0.83696)}};
+  icat::Tpik<double> tpik(6);
+  oracle::run(tpik, h);
+  oracle::expect_exact<double>(tpik.velocity(), h);
+
+  // Both sides of the condition from which the rows are not told apart, and far beyond.
+  for (unsigned seed = 0; seed < (sanitized ? 50 : 2000); ++seed) {
+    SCOPED_TRACE(seed);
+    HierarchyGenerator gen(seed);
+    h = empty(gen.integer(3, 8));
+    for (int l = gen.integer(1, 3); l > 0; --l) {
+      const int m = gen.integer(2, static_cast<int>(h.dof));
+      const double largest = gen.uniform(0, 3);
+      VectorXd values(m), a(m);
+      for (double& x : values) {
+        const double decades = gen.uniform(0, 1) + (gen.integer(0, 1) == 0 ? 0 : largest);
+        x = std::sqrt(threshold * std::pow(10.0, decades));
+      }
+      for (double& x : a) x = gen.integer(0, 1) == 0 ? gen.uniform(0.02, 1) : 1.0;
+      const MatrixXd B = with_singular_values(gen, values, static_cast<int>(h.dof));
+      h.levels.push_back(level(gen, a.cwiseSqrt().cwiseInverse().asDiagonal() * B, a));
+    }
+    icat::Tpik<double> solver(h.dof);
+    oracle::run(solver, h);
+    oracle::expect_exact<double>(solver.velocity(), h);
+  }
+}
+
+// A small eigenvalue may be set apart where S⁻¹ is sure of the others: it is less so the larger S.
+// With a flat inverse, λ = 1, the literal formula loses nothing there.
+TEST(Paths, SmallEigenvaluesUnderAFlatInverse) {
+  RandomHierarchy h = empty(4);
+  MatrixXd first(3, 4), second(2, 4), third(2, 4);
+  first << 0.278623098, 0.226385645, 0.19776781, -0.415953485,  //
+      0.268980503, 0.475011749, 0.469430333, -0.5736002,        //
+      -0.095111747, 0.019079581, -0.118012529, 0.041257075;
+  second << 8.55238957, -2.12078251, 15.8555345, -2.85651902,  //
+      4.07592476, -5.59684621, -2.14379415, 7.06937141;
+  third << 6.76862518, 16.6814998, -16.8095933, 28.3383052,  //
+      4.5205026, 11.1822213, -11.4808455, 18.9971031;
+  h.levels = {{first, Eigen::Vector3d(0.84381736, 0.280041438, 1),
+               Eigen::Vector3d(0.943097066, -0.50118889, 1.9876029616)},
+              {second, Eigen::Vector2d(0.34357888, 1), Eigen::Vector2d(29.2526528, 13.354157)},
+              {third, Eigen::Vector2d(1, 1), Eigen::Vector2d(9.76076433, 6.56634116)}};
+  icat::Tpik<double> tpik(4, {.regularization = {.lambda = 1}});
+  oracle::run(tpik, h);
+  oracle::expect_exact<double>(tpik.velocity(), h, {.lambda = 1}, 1e-11);
+}
+
 // A tall level below partial rows: G^{-1} with a correction where it is certain; not where a
 // direction of G is small, or where p has reached r.
 TEST(Paths, TallLevelsBelowPartialRows) {
@@ -407,6 +480,30 @@ TYPED_TEST(Sizes, OfAnyPower) {
       EXPECT_LT((y - alone).norm(), S(1e-6)) << y;
       EXPECT_LT((faint - alone).norm(), S(1e-6)) << faint;
     }
+  }
+}
+
+// A binary row leaves whatever its size, also where the square of its pseudo-inverse vanishes.
+TYPED_TEST(Sizes, OfBinaryRowsBesidePartialOnes) {
+  using S = TypeParam;
+  using Vector2 = icat::Vector<S, 2>;
+  Eigen::Matrix<S, 2, 3> rows;
+  rows << 1, S(0.2), 0, 0, S(0.1), 0;
+  const auto solve = [&](S size) {
+    icat::Tpik<S, 3> tpik;
+    const Vector2 wanted = size * rows.rowwise().sum();
+    EXPECT_EQ(tpik.add_level(size * rows, Vector2(1, S(0.5)), wanted), icat::Status::ok);
+    EXPECT_EQ(tpik.add_level(Eigen::Matrix<S, 1, 3>(1, 1, 1), icat::Vector<S, 1>(1),
+                             icat::Vector<S, 1>(1)),
+              icat::Status::ok);
+    EXPECT_EQ(tpik.minimize_velocity(), icat::Status::ok);
+    return tpik.velocity();
+  };
+  const auto usual = solve(S(1e4));
+  const double last = sizeof(S) == 8 ? 154 : 19;
+  for (double power = last - 4; power <= last; power += 0.25) {
+    const auto y = solve(S(std::pow(10.0, power)));
+    EXPECT_LT((y - usual).norm(), 1000 * std::numeric_limits<S>::epsilon()) << power << "\n" << y;
   }
 }
 

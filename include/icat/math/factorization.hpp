@@ -17,13 +17,20 @@ struct Reflection {
 
   /// Maps x onto axis `k`; x becomes v. The identity for x = 0.
   [[gnu::noinline]] static Reflection make(Index rows, Scalar* x, Index k) noexcept {
-    const Scalar square = dot(rows, x, x);
-    if (!(square > std::numeric_limits<Scalar>::min())) return {Scalar(0), Scalar(0)};
+    constexpr Scalar tiny = std::numeric_limits<Scalar>::min();
+    Scalar square = dot(rows, x, x), unit(1);
+    if (!(square > tiny)) {  // x may be small and is not zero for that
+      unit = Scalar(0);
+      for (Index i = 0; i < rows; ++i) unit = std::max(unit, std::abs(x[i]));
+      if (!(unit >= tiny)) return {Scalar(0), Scalar(0)};
+      scale(rows, Scalar(1) / unit, x, x);
+      square = dot(rows, x, x);
+    }
     const Scalar alpha = x[k];
     const Scalar beta = alpha > Scalar(0) ? -std::sqrt(square) : std::sqrt(square);
     scale(rows, Scalar(1) / (alpha - beta), x, x);
     set_element(x, k, Scalar(1));
-    return {(beta - alpha) / beta, beta};
+    return {(beta - alpha) / beta, beta * unit};
   }
 };
 

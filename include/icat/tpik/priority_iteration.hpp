@@ -91,8 +91,11 @@ class PriorityIteration {
     } else if (level_.regularized ||
                std::find(level_.a, level_.a + level_.rank, Scalar(1)) == level_.a + level_.rank) {
       accept_partial();
-    } else {
+    } else if (parts_well()) {
       accept_mixed();
+    } else {
+      accept_partial();
+      take_binary();
     }
     if (q().vanishes()) q().reset_to_zero();
   }
@@ -216,6 +219,11 @@ class PriorityIteration {
   static bool negligible(Scalar gain) noexcept {
     return gain <= std::numeric_limits<Scalar>::epsilon();
   }
+  /// Binary and partial rows of a level can be told apart: with κ the condition of G = BBᵀ, U Vᵀ of
+  /// accept_mixed has an error of ε κ^{3/2}, since its terms grow with κ and cancel.
+  bool parts_well() const noexcept {
+    return trace(level_.rank, level_.g) * trace(level_.rank, level_.f) <= Scalar(1e3);
+  }
   /// No row leaves: L C = (L B⁺) A B with B⁺ = Bᵀ f(BBᵀ).
   void accept_partial() noexcept {
     if (level_.rank == 1 && negligible(level_.a[0] * level_.gains[0])) return;
@@ -229,6 +237,16 @@ class PriorityIteration {
     q().extend(level_.rank, left, u);
     for (Index i = 0; i < level_.rank; ++i) scale(free(), level_.a[i], level_.bt[i], level_.bt[i]);
     q().gain(level_.rank, u, level_.bt);
+  }
+
+  /// After accept_partial the binary rows leave, Q B⁺_b = 0.
+  [[gnu::cold]] void take_binary() noexcept {
+    const auto& [left, rows, unused, unused1, unused2] = system().scratch;
+    Index binary = 0;
+    for (Index i = 0; i < level_.rank; ++i) {
+      if (level_.a[i] == Scalar(1)) std::copy_n(left[i], left.stride, rows[binary++]);
+    }
+    q().take(binary, rows);
   }
 
   /// Binary rows, of which V = [v_i] belongs to the eigenvalues σ_i of BBᵀ or BᵀB below the
@@ -306,10 +324,11 @@ class PriorityIteration {
     return close_with(r, z_);
   }
 
-  /// Only the span Y of V and U_N differs from Q = I: with Y R = [V U_N] and K = UᵀU, LᵀL on it is
-  /// I − R_V R_Uᵀ − R_U R_Vᵀ + R_V K R_Vᵀ, and M without the taken axes has η R_V K₀ R_Vᵀ more.
+  /// Only the span Y of V and U_N differs from Q = I: with Y R = [V U_N], T = U_N Vᵀ on it is
+  /// R_U R_Vᵀ, LᵀL is (I − T)ᵀ(I − T) + R_V U_tᵀU_t R_Vᵀ, and M without the taken axes has η TᵀT
+  /// more. T is formed first: the columns of U may be long where they cancel in T.
   bool close_low_rank() noexcept {
-    const auto& [m, triangle_, reflections, rk, factor] = system().scratch;
+    const auto& [m, triangle_, reflections, t, factor] = system().scratch;
     const Index r = free(), p = q().partial(), d = 2 * p;
     const Scalar f = system().regularization.inverse(Scalar(1));
     Scalar* tau = level_.a;
@@ -317,18 +336,18 @@ class PriorityIteration {
       copy(q().v(), triangle_, p);
       copy_rows(r, p, q().u(), triangle_.from(p));
       triangularize(r, d, triangle_, reflections, tau);
-      const Block ru = triangle_.from(p);
-      clear(level_.g, d);
-      for (Index j = 0; j < d; ++j) level_.g(j, j) = Scalar(1);
-      product(Into::subtract, d, d, p, triangle_, transposed(ru), level_.g);
-      product(Into::subtract, d, d, p, ru, transposed(triangle_), level_.g);
-      q().weigh();
-      system().add_weighted(d, triangle_, q().k_free(), Scalar(1), rk, level_.g);
-      if (q().reach() > r) {
-        system().add_weighted(d, triangle_, q().k_taken(), Scalar(1), rk, level_.g);
+      product(Into::set, d, d, p, triangle_.from(p), transposed(triangle_), t);
+      gram(d, d, t, m);
+      scale(d, d, Scalar(-1), t, t);
+      for (Index j = 0; j < d; ++j) t(j, j) += Scalar(1);
+      gram(d, d, t, level_.g);
+      if (const Index taken = q().reach() - r; taken > 0) {
+        q().copy_taken(factor);
+        product(Into::set, taken, d, p, factor, transposed(triangle_), t);
+        gram(taken, d, t, factor);
+        add(d, d, Scalar(1), factor, level_.g);
       }
-      copy(level_.g, m, d);
-      system().add_weighted(d, triangle_, q().k_free(), eta_, rk, m);
+      for (Index j = 0; j < d; ++j) combine(d, eta_, m[j], Scalar(1), level_.g[j], m[j]);
       for (Index i = 0; i < d; ++i) reflect_from(i, r, tau[i], reflections[i], sides_, level_.e);
       if (!cholesky(d, m, factor)) return false;
       system().solve(d, factor, level_.e, z_);
