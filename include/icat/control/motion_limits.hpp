@@ -350,7 +350,9 @@ class MotionLimits {
   List<Column> columns_;
   detail::CommandHistory history_;
   VelocityBounds<Scalar, R::size> bounds_;
-  Velocity lower_, upper_, command_;
+  // Also where the default constructor leaves the rest empty: a copy reads them.
+  Velocity lower_ = detail::zeros<Velocity>(R::size == Eigen::Dynamic ? 0 : R::size);
+  Velocity upper_ = lower_, command_ = lower_;
 };
 
 }  // namespace icat
