@@ -12,10 +12,10 @@ check=false
 [[ ${1:-} == --check ]] && check=true
 need g++:g++ libeigen3-dev time:/usr/bin/time
 need_compiler
-work=build/compile_cost sources=build/compile_cost
-mkdir -p "$work"
-echo '#include <Eigen/Dense>' >"$work/dense.cpp"
-echo '#include <icat/icat.hpp>' >"$work/icat.cpp"
+sources=build/compile_cost
+mkdir -p "$sources"
+echo '#include <Eigen/Dense>' >"$sources/dense.cpp"
+echo '#include <icat/icat.hpp>' >"$sources/icat.cpp"
 eigen=${ICAT_EIGEN:-/usr/include/eigen3}
 [[ -d $eigen ]] || fail "no Eigen in $eigen: name its folder in ICAT_EIGEN"
 
@@ -59,9 +59,8 @@ within() {
 
 # rows <flags>
 rows() {
-  local flags=$1 reach=(6 -)
+  local flags=$1 reach=(6 -) work=$sources/${1//[^A-Za-z0-9]/} # of its own: two may run at a time
   [[ $flags != -O0 ]] || reach=(4 400)
-  work+=/${flags//[^A-Za-z0-9]/}
   mkdir -p "$work"
   row '#include <icat/icat.hpp>' "$sources/icat.cpp" "$flags" - -
   row 'Tpik<double, 13>' benchmarks/compile_cost/bare_tpik.cpp "$flags" 2.5 -

@@ -220,7 +220,8 @@ class LevelRows {
     of_g.apply(k, 1, {v, 0}, work.from(1));
     const Scalar value = dot(of_g.rows, work[1], work[1]);
     if (!(value >= smallest * threshold() && sum - threshold() / value <= Scalar(1))) return false;
-    // f has errors of ε ‖S‖ / λ σ_t, which the literal formula has not where its inverse is flat.
+    // f has errors of ε ‖S‖ / λ², in units of 1 / σ_t at most 1e-8 in double (ε 2²⁵), which the
+    // literal formula has not where its inverse is flat.
     constexpr Scalar digits = Scalar(1 << 25);
     if (!(trace(k, g) * threshold() <= digits * value * value)) return false;
     // f ← (I − v vᵀ) f (I − v vᵀ)

@@ -220,7 +220,7 @@ class PriorityIteration {
     return gain <= std::numeric_limits<Scalar>::epsilon();
   }
   /// Binary and partial rows of a level can be told apart: with κ the condition of G = BBᵀ, U Vᵀ of
-  /// accept_mixed has an error of ε κ^{3/2}, since its terms grow with κ and cancel.
+  /// accept_mixed has an error of ε κ^{3/2}, since its terms grow with κ and cancel: 1e-11 at 1e3.
   bool parts_well() const noexcept {
     return trace(level_.rank, level_.g) * trace(level_.rank, level_.f) <= Scalar(1e3);
   }
