@@ -1,5 +1,6 @@
 # Sourced by the other scripts: what they share. Leaves the working directory at the project's root.
 set -euo pipefail
+export LC_ALL=C # numbers with a point
 cd -P -- "$(dirname -- "${BASH_SOURCE[0]}")/.."
 
 say() { printf '== %s\n' "$*"; }

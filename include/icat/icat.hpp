@@ -40,6 +40,7 @@
 #include "icat/core/received.hpp"
 #include "icat/core/status.hpp"
 #include "icat/core/step_clock.hpp"
+#include "icat/core/strict_arithmetic.hpp"
 #include "icat/core/types.hpp"
 #include "icat/math/cholesky.hpp"
 #include "icat/math/half_turn.hpp"

@@ -68,8 +68,8 @@ class Controller {
   /// Computes the unified hierarchy of `actions`. `robot` and the tasks must outlive this object.
   /// @throws std::invalid_argument on bad options or actions (see `unified_hierarchy`), or a task
   ///         that belongs to another robot.
-  Controller(const R& robot, const std::vector<Action<R>>& actions)
-      : Controller(robot, actions, Options{}) {}
+  [[gnu::cold]] Controller(const R& robot, const std::vector<Action<R>>& actions)
+      : Controller(robot, actions, defaults()) {}
   /// The same with options.
   [[gnu::cold]] Controller(const R& robot, const std::vector<Action<R>>& actions, Options options)
       : solver_(robot, actions, options.given, options.solver, detail::longest_step(options),
@@ -183,6 +183,9 @@ class Controller {
   const StepClock& clock() const noexcept { return solver_.clock(); }
 
  private:
+  // Not inlined: GCC 12 warns where it sees vectors of dynamic size made and destroyed at once.
+  [[gnu::noinline, gnu::cold]] static Options defaults() { return Options{}; }
+
   friend struct detail::Inside<Controller>;
 
   // Of a stamp without a cycle.

@@ -8,20 +8,11 @@
 /// ⟨0⟩ is NED, z points down.
 #pragma once
 
-#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
-#error \
-    "icat must not be compiled with -ffast-math, -Ofast or -ffinite-math-only: the compiler \
-would drop every check for NaN and infinity, and bad input would reach the motors"
-#endif
-#if defined(__ASSOCIATIVE_MATH__)
-#error \
-    "icat must not be compiled with -fassociative-math or -funsafe-math-optimizations: \
-its bounds on rounding errors depend on the order of the sums"
-#endif
-
 #include <Eigen/Core>
 #include <limits>
 #include <vector>
+
+#include "icat/core/strict_arithmetic.hpp"
 
 namespace icat {
 

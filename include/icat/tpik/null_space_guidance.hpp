@@ -103,6 +103,7 @@ class NullSpaceGuidance {
         tolerance_(std::sqrt(std::numeric_limits<Scalar>::epsilon())) {}
 
   static Index validated(Index dof) {
+    detail::require_strict_arithmetic<Scalar>();
     if (dof < 1) detail::invalid("NullSpaceGuidance: dof must be >= 1, got ", dof);
     return dof;
   }

@@ -21,6 +21,7 @@ class StoredIteration : public PriorityIteration<Scalar, Regularization> {
   [[gnu::cold]] StoredIteration(Index dof, const Regularization& regularization,
                                 Scalar projection_weight)
       : Base(regularization, projection_weight), projector_(dof, dof) {
+    require_strict_arithmetic<Scalar>();
     if constexpr (N == Eigen::Dynamic) memory_ = zeros<Memory>(size(dof));
     this->bind(dof, Sides, memory_.data());
     this->start().reset();
