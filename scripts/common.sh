@@ -2,6 +2,10 @@
 set -euo pipefail
 export LC_ALL=C # numbers with a point
 cd -P -- "$(dirname -- "${BASH_SOURCE[0]}")/.."
+[[ ! -d build || -w build ]] || {
+  echo "error: $PWD/build belongs to somebody else: remove it" >&2
+  exit 1
+}
 
 say() { printf '== %s\n' "$*"; }
 
@@ -106,7 +110,10 @@ PYTHON
 need_compiler() {
   export CXX=${CXX:-g++}
   local version
-  command -v "$CXX" >/dev/null || fail "no compiler $CXX"
+  command -v "$CXX" >/dev/null ||
+    fail "no compiler '$CXX': CXX is the name or the path of one program"
+  "$CXX" -fsyntax-only -x c++ - 2>/dev/null <<<'#include <vector>' ||
+    fail "$CXX finds no C++ library (g++ has one: unset CXX)"
   "$CXX" -std=c++20 -fsyntax-only -x c++ - 2>/dev/null <<'CPP' ||
 #include <concepts>
 #if defined(__clang__) ? __clang_major__ < 14 : __GNUC__ < 11
@@ -172,10 +179,15 @@ export CCACHE_SLOPPINESS=pch_defines,time_macros
 build() {
   local targets=("${@:2}")
   local cache=build/$1/CMakeCache.txt
-  # A folder that was configured elsewhere (a moved or copied clone) is of no use.
-  if [[ -f $cache ]] && ! grep -qxF "CMAKE_HOME_DIRECTORY:INTERNAL=$PWD" "$cache"; then
+  # A folder that was configured elsewhere (a moved or copied clone), or whose programs another
+  # compiler builds, is of no use.
+  local compiler=build/$1.compiler
+  mkdir -p build
+  if [[ -f $cache ]] && ! { grep -qxF "CMAKE_HOME_DIRECTORY:INTERNAL=$PWD" "$cache" &&
+    [[ $(cat "$compiler" 2>/dev/null) == "$("$CXX" --version)" ]]; }; then
     rm -rf -- "build/$1"
   fi
+  "$CXX" --version >"$compiler"
   step "Configuring: $1" "$PWD/build/$1.configure.log" cmake --preset "$1" ||
     fail "CMake could not configure '$1'"
   step "Building: $1" "$PWD/build/$1.build.log" \

@@ -11,13 +11,14 @@ source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 check=false
 [[ ${1:-} == --check ]] && check=true
 need g++:g++ libeigen3-dev time:/usr/bin/time
+CXX=g++ # whose bounds they are
 need_compiler
 sources=build/compile_cost
 mkdir -p "$sources"
 echo '#include <Eigen/Dense>' >"$sources/dense.cpp"
 echo '#include <icat/icat.hpp>' >"$sources/icat.cpp"
-eigen=${ICAT_EIGEN:-/usr/include/eigen3}
-[[ -d $eigen ]] || fail "no Eigen in $eigen: name its folder in ICAT_EIGEN"
+eigen=${EIGEN3_INCLUDE_DIR:-/usr/include/eigen3}
+[[ -d $eigen ]] || fail "no Eigen in $eigen: name its folder in EIGEN3_INCLUDE_DIR"
 
 # compile <file> <flags>...: user seconds and megabytes
 compile() {

@@ -2,7 +2,8 @@
 # From a fresh clone to the pictures and replays of the missions, for any processor.
 source "$(dirname -- "${BASH_SOURCE[0]}")/common.sh"
 
-need g++:g++ cmake:cmake ninja-build:ninja libeigen3-dev libcli11-dev gnuplot-nox:gnuplot libjs-three
+[[ ${CXX:-g++} != g++ ]] || need g++:g++
+need cmake:cmake ninja-build:ninja libeigen3-dev libcli11-dev gnuplot-nox:gnuplot libjs-three
 need_compiler
 missions=(01_grasp 02_cooperative_mission)
 build demo "${missions[@]}"

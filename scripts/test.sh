@@ -9,6 +9,8 @@ need g++:g++ clang:clang++ cmake:cmake ninja-build:ninja ccache:ccache doxygen:d
   liburdfdom-dev liborocos-kdl-dev time:/usr/bin/time git:git
 need_compiler
 
+git rev-parse -q --verify HEAD >/dev/null ||
+  fail "the demo is run in a clone of this folder: it must be a clone itself, and git must trust its owner (git config --global --add safe.directory '$PWD')"
 need_sanitizers
 need_pinocchio
 need_robot_data
@@ -31,6 +33,10 @@ start=$SECONDS
 say "Demo, in a fresh clone"
 CCACHE_DISABLE=1 "$clone/scripts/demo.sh" || fail "the demo fails"
 demo=$((SECONDS - start))
+for mission in 01_grasp 02_cooperative_mission; do
+  compgen -G "$clone/out/$mission/*/*.png" >/dev/null && [[ -s $clone/out/$mission/replay.html ]] ||
+    fail "the demo left no pictures or no replay of $mission"
+done
 rm -rf "$clone"
 say "The demo took $demo s"
 ((demo < 60 || $(nproc) < 2)) || fail "the demo took $demo s; its limit is 60 s"

@@ -23,6 +23,7 @@ build fuzz
 say "Fuzzing the decoders"
 ctest --preset fuzz --parallel "$(parallel_jobs)" || fail "a decoder fails"
 
+build bench tpik_benchmark # the one preset for the processor at hand
 build hardware
 say "Testing against the peers"
 ctest --preset hardware --verbose >build/hardware.test.log 2>&1 ||

@@ -154,6 +154,7 @@ int main() {
   board::print_figure("recorded", sizeof recorded::jacobians + sizeof recorded::activations +
                                       sizeof recorded::references);
   board::print_figure("solver", sizeof(Solver));
+  board::print_figure("controller", sizeof(icat::Controller<Robot>));
   board::print_memory();
   board::finish();
 }
