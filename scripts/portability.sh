@@ -110,18 +110,18 @@ oracle() {
 
 # --- the builds ----------------------------------------------------------------------------------
 
-# name | compiler | flags | icat as (both: the one, then the other) | examples | headers alone, which
-# no flag changes: once with each compiler
+# name | compiler | flags | icat as | examples | headers alone, which no flag changes: once with each
+# compiler
 x86_builds="
 gcc11-v1|g++-11|-O2 -march=x86-64|plain|link|headers
 gcc12-v1|g++-12|-O0 -march=x86-64|system|compile|
 gcc12-v2|g++-12|-O2 -march=x86-64-v2|plain|compile|headers
-gcc12-v3|g++-12|-O3 -march=x86-64-v3|both|compile|
+gcc12-v3|g++-12|-O3 -march=x86-64-v3|plain|compile|
 gcc12-v4|g++-12|-O1 -march=x86-64-v4|system|compile|
 gcc12-native|g++-12|-O2 -march=native|plain|compile|
 clang14-v1|clang++-14|-O1 -march=x86-64|plain|compile|headers
 clang16-v2|clang++-16|-O3 -march=x86-64-v2|plain|compile|headers
-clang19-v3|clang++-19|-O2 -march=x86-64-v3|both|link|headers
+clang19-v3|clang++-19|-O2 -march=x86-64-v3|plain|link|headers
 clang19-v4|clang++-19|-O0 -march=x86-64-v4|system|compile|
 clang19-native|clang++-19|-O3 -march=native|plain|compile|"
 
@@ -130,12 +130,7 @@ x86() {
   IFS='|' read -r _ cxx flags as examples headers < <(grep "^$name|" <<<"$x86_builds")
   need_cxx "$cxx"
   fact compiler "$("$cxx" --version | head -n1 | grep -oE '[0-9]+\.[0-9]+\.[0-9]+' | tail -n1)"
-  local first=$as
-  [[ $as == both ]] && first=plain
-  user "$folder" "$cxx" "$flags" "$first" "$headers;examples;oracle" "-DEXAMPLES=$examples"
-  if [[ $as == both ]]; then
-    user "$folder-system" "$cxx" "$flags" system examples -DEXAMPLES=compile
-  fi
+  user "$folder" "$cxx" "$flags" "$as" "$headers;examples;oracle" "-DEXAMPLES=$examples"
   fact compiles yes
   if can_run "$flags"; then
     oracle "$folder"
@@ -451,7 +446,7 @@ MD
   while IFS='|' read -r build cxx flags as examples; do
     [[ -n $build ]] || continue
     kept "$build" && continue
-    echo "| $build | $cxx ($(get "$build" compiler)) | \`$flags\` | ${as/both/plain, system} | $(get "$build" compiles) | $(get "$build" passes) | $(get "$build" worst) | $(get "$build" beyond) | $(get "$build" ratio) | $(get "$build" time) | $(get "$build" revision) |"
+    echo "| $build | $cxx ($(get "$build" compiler)) | \`$flags\` | $as | $(get "$build" compiles) | $(get "$build" passes) | $(get "$build" worst) | $(get "$build" beyond) | $(get "$build" ratio) | $(get "$build" time) | $(get "$build" revision) |"
   done <<<"$x86_builds"
   cat <<'MD'
 
