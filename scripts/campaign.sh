@@ -21,7 +21,7 @@ case $how in
   threads) "$program" --attempts "$attempts" --output "$output" ;;
   parallel)
     need parallel:parallel
-    seq "$parts" | parallel --will-cite -j "$(nproc)" "${part[@]}" --shard "{}/$parts" ||
+    seq "$parts" | parallel -q --will-cite -j "$(nproc)" "${part[@]}" --shard "{}/$parts" ||
       fail "a part failed"
     "$program" --merge --output "$output"
     ;;

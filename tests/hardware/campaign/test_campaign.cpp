@@ -21,17 +21,20 @@ std::string folder(const std::string& name) {
   std::filesystem::create_directories(path);
   return path;
 }
+/// For the shell: a path may have spaces.
+std::string quoted(const std::string& path) { return "'" + path + "'"; }
 /// What the program said to its caller; its errors are in `output`/errors.
 int shell(const std::string& command) {
-  const int status = std::system((command + " > /dev/null 2> " + output + "/errors").c_str());
+  const int status =
+      std::system((command + " > /dev/null 2> " + quoted(output + "/errors")).c_str());
   return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 std::string program(const std::string& where, const std::string& options) {
-  return std::string(ICAT_CAMPAIGN) + " --no-pictures --output " + where + " " + options;
+  return quoted(ICAT_CAMPAIGN) + " --no-pictures --output " + quoted(where) + " " + options;
 }
 std::string script(const std::string& where, const std::string& options) {
-  return "ICAT_CAMPAIGN=" + std::string(ICAT_CAMPAIGN) + " ICAT_OUTPUT=" + where + " " +
-         ICAT_SOURCE + "/scripts/campaign.sh " + options;
+  return "ICAT_CAMPAIGN=" + quoted(ICAT_CAMPAIGN) + " ICAT_OUTPUT=" + quoted(where) + " " +
+         quoted(ICAT_SOURCE "/scripts/campaign.sh") + " " + options;
 }
 std::string bytes(const std::string& file) {
   std::ifstream in(file);
@@ -79,7 +82,7 @@ TEST(Campaign, PartsMakeTheSameTable) {
 
   // Killed outright while it runs, and gone on with by two threads.
   const std::string shot = folder("shot");
-  const std::string lines = "$(cat " + shot + "/attempts.csv 2> /dev/null | wc -l)";
+  const std::string lines = "$(cat " + quoted(shot + "/attempts.csv") + " 2> /dev/null | wc -l)";
   ASSERT_EQ(shell("{ " + program(shot, "--attempts 3 --jobs 2") + " & p=$!; while [ " + lines +
                   " -lt 5 ]; do sleep 0.05; done; kill -9 $p; }"),
             0);

@@ -3,6 +3,7 @@
 const assert = require("assert");
 const fs = require("fs");
 const path = require("path");
+const { pathToFileURL } = require("url");
 const { open } = require("./page.js");
 
 // What is drawn, and what the page knows, `share` of the way through the slider.
@@ -35,7 +36,7 @@ async function main() {
   const file = path.resolve(process.argv[2]);
   const bytes = fs.statSync(file).size;
   assert(bytes < 5e6, `${bytes} bytes`);
-  const { browser, context, page, errors, requests } = await open(`file://${file}`, { width: 1200, height: 800 });
+  const { browser, context, page, errors, requests } = await open(pathToFileURL(file).href, { width: 1200, height: 800 });
   await context.setOffline(true);
 
   const runs = await page.evaluate(() => window.replay.runs.length);
@@ -87,7 +88,7 @@ async function main() {
     await look(page, 0.7);
   }
   assert.deepStrictEqual(errors, []);
-  assert.deepStrictEqual(requests, [`file://${file}`], "the page asked for something");
+  assert.deepStrictEqual(requests, [pathToFileURL(file).href], "the page asked for something");
   await browser.close();
 
   // Without three.js it says so, and all else works.
@@ -95,7 +96,7 @@ async function main() {
   const begin = html.indexOf("<script>") + 8, end = html.indexOf("</script>", begin);
   const bare = path.join(path.dirname(file), "replay_without_three.html");
   fs.writeFileSync(bare, html.slice(0, begin) + html.slice(end));
-  const without = await open(`file://${bare}`);
+  const without = await open(pathToFileURL(bare).href);
   assert.match(await without.page.locator(".missing").first().textContent(), /three\.js was not found/);
   const a = await look(without.page, 0.02), b = await look(without.page, 0.5);
   assert.notStrictEqual(a.numbers, b.numbers);

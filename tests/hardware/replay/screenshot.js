@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // node screenshot.js <replay.html> <picture.png> <time> [<azimuth> <elevation> <distance factor> <width> <height>]
 // The pictures of README.md and docs/gallery.md: docs/replay.md and scripts/gallery.sh say how they are made.
-const path = require("path");
+const { pathToFileURL } = require("url");
 const { open } = require("./page.js");
 
 (async () => {
   const [file, picture, time, azimuth, elevation, nearer, width, height] = process.argv.slice(2);
-  const { browser, page, errors } = await open(`file://${path.resolve(file)}`, {
+  const { browser, page, errors } = await open(pathToFileURL(file).href, {
     width: Number(width || 1500), height: Number(height || 1020),
   });
   await page.evaluate(([t, a, e, d]) => {
