@@ -42,7 +42,8 @@ constexpr Index packet_begin(Index i) {
 /// Zeros from row `n` to the end of its packet.
 template <class Scalar>
 inline void fill_up(Index n, Scalar* x) noexcept {
-  for (Index i = n; i < padded<Scalar>(n); ++i) x[i] = Scalar(0);
+  // A bound that is not computed ahead: compilers make no call of memset of it.
+  for (Index i = n; (i & (Simd<Scalar>::size - 1)) != 0; ++i) x[i] = Scalar(0);
 }
 
 /// Zeros, ones and zeros, a packet of each: what elements of a packet are multiplied with to keep
