@@ -46,13 +46,16 @@ apt_install() {
       fail "missing: $*; sudo refused to install them"
     as_root=(sudo)
   fi
-  say "Installing $*"
-  mkdir -p build
   local apt=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive
     apt-get -q -o DPkg::Lock::Timeout=120)
-  # A failed update matters only when a package cannot be had after it.
-  "${apt[@]}" update >"$log" 2>&1 </dev/null || true
-  "${apt[@]}" install -y --no-install-recommends "$@" >>"$log" 2>&1 </dev/null || {
+  update_and_install() {
+    # A failed update matters only when a package cannot be had after it.
+    "${apt[@]}" update || true
+    "${apt[@]}" -o APT::Status-Fd=1 install -y --no-install-recommends "$@"
+  }
+  local title="Installing $*"
+  ((${#title} <= 56)) || title=${title:0:53}... # with the bar, a line of a terminal
+  step "$title" "$PWD/$log" update_and_install "$@" || {
     reason=$(grep -m1 -E '^(W: Failed to fetch|E:) ' "$log" || tail -n1 "$log")
     fail "apt could not install $*: ${reason#[EW]: } (log: $PWD/$log)"
   }
@@ -148,7 +151,7 @@ log_tail() {
 }
 
 # step <title> <log> <command>...: one line; the command's output goes to the log and is shown on
-# failure alone. On a terminal Ninja's [k/n] moves a bar.
+# failure alone. On a terminal Ninja's [k/n] and apt's percentages move a bar.
 step() {
   local title=$1 log=$2 line done all start=$SECONDS
   shift 2
@@ -156,8 +159,13 @@ step() {
   if [[ -t 1 ]]; then
     printf '== %s' "$title"
     if ! "$@" 2>&1 </dev/null | tee "$log" | while IFS= read -r line; do
-      [[ $line =~ ^\[([0-9]+)/([1-9][0-9]*)\] ]] || continue
-      done=$((10#${BASH_REMATCH[1]})) all=${BASH_REMATCH[2]}
+      if [[ $line =~ ^\[([0-9]+)/([1-9][0-9]*)\] ]]; then
+        done=$((10#${BASH_REMATCH[1]})) all=${BASH_REMATCH[2]}
+      elif [[ $line =~ ^(dl|pm)status:[^:]*:([0-9]+) ]]; then
+        done=$((10#${BASH_REMATCH[2]})) all=100
+      else
+        continue
+      fi
       printf '\r== %s [%-20.*s]' "$title" $((20 * done / all)) '####################'
     done; then
       printf '\n'

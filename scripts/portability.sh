@@ -118,7 +118,7 @@ gcc12-v1|g++-12|-O0 -march=x86-64|system|compile|
 gcc12-v2|g++-12|-O2 -march=x86-64-v2|plain|compile|headers
 gcc12-v3|g++-12|-O3 -march=x86-64-v3|plain|compile|
 gcc12-v4|g++-12|-O1 -march=x86-64-v4|system|compile|
-gcc12-native|g++-12|-O2 -march=native|plain|compile|
+gcc12-native|g++-12|-O2 -march=native|plain|check|
 clang14-v1|clang++-14|-O1 -march=x86-64|plain|check|headers
 clang16-v2|clang++-16|-O3 -march=x86-64-v2|plain|check|headers
 clang19-v3|clang++-19|-O2 -march=x86-64-v3|plain|check|headers
@@ -271,14 +271,18 @@ foreign() {
   # do with KDL's own matrices is left out.
   need liburdfdom-dev
   need libmujoco-dev
-  local adapter
+  local adapter adapters=()
   for adapter in urdf kdl mujoco; do
-    ccache g++-12 "${common[@]}" -Itests -DICAT_ROBOT_DATA='""' -DICAT_SNAPSHOT='""' \
-      -O2 -march=native -c "tests/adapters/test_$adapter.cpp" -o "$folder/adapter.o"
-    g++-12 "$folder/adapter.o" -o "$folder/adapter_$adapter" -lgtest_main -lgtest -lorocos-kdl \
-      -lmujoco -lurdfdom_model -lconsole_bridge
-    "$folder/adapter_$adapter" --gtest_filter='-*KdlsOwn'
+    (
+      ccache g++-12 "${common[@]}" -Itests -DICAT_ROBOT_DATA='""' -DICAT_SNAPSHOT='""' \
+        -O2 -march=native -c "tests/adapters/test_$adapter.cpp" -o "$folder/adapter_$adapter.o"
+      g++-12 "$folder/adapter_$adapter.o" -o "$folder/adapter_$adapter" -lgtest_main -lgtest \
+        -lorocos-kdl -lmujoco -lurdfdom_model -lconsole_bridge
+      "$folder/adapter_$adapter" --gtest_filter='-*KdlsOwn'
+    ) &
+    adapters+=($!)
   done
+  for adapter in "${adapters[@]}"; do wait "$adapter" || return 1; done
 
   local failed=0 eigen kdl pin solver program
   : >"$facts/foreign.rows"
@@ -450,7 +454,7 @@ MD
   done <<<"$x86_builds"
   cat <<'MD'
 
-The examples of gcc11-v1 are linked, those of the other builds by GCC compiled; clang checks them without generating code, since it finds all that it warns of before.
+The examples of gcc11-v1 are linked, those of gcc12-v1 to gcc12-v4 compiled; the others check them without generating code, before which clang finds all that it warns of.
 
 ## Other processors, libraries and flags
 
