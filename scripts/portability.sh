@@ -117,7 +117,7 @@ gcc11-v1|g++-11|-O2 -march=x86-64|plain|link|headers
 gcc12-v1|g++-12|-O0 -march=x86-64|system|compile|
 gcc12-v2|g++-12|-O2 -march=x86-64-v2|plain|compile|headers
 gcc12-v3|g++-12|-O3 -march=x86-64-v3|plain|compile|
-gcc12-v4|g++-12|-O1 -march=x86-64-v4|system|check|
+gcc12-v4|g++-12|-O1 -march=x86-64-v4|system|compile|
 gcc12-native|g++-12|-O2 -march=native|plain|check|
 clang14-v1|clang++-14|-O1 -march=x86-64|plain|check|headers
 clang16-v2|clang++-16|-O3 -march=x86-64-v2|plain|check|headers
@@ -454,7 +454,7 @@ MD
   done <<<"$x86_builds"
   cat <<'MD'
 
-The examples of gcc11-v1 are linked, those of gcc12-v1, gcc12-v2 and gcc12-v3 compiled; the others check them without generating code, before which clang finds all that it warns of.
+The examples of gcc11-v1 are linked, those of gcc12-v1 to gcc12-v4 compiled; the others check them without generating code, before which clang finds all that it warns of.
 
 ## Other processors, libraries and flags
 
