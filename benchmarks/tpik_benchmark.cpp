@@ -116,8 +116,7 @@ void spectral_by_eigen(benchmark::State& state) {
 void product_by_hand(benchmark::State& state) {
   ByHand h;
   for (auto _ : state) {
-    icat::detail::product(icat::detail::Into::set, 13, 13, 13, h.pa, icat::detail::elements(h.pb),
-                          h.pc);
+    icat::detail::product(icat::detail::Into::set, 13, 13, 13, h.pa, h.pb, h.pc);
     benchmark::DoNotOptimize(h.pc.data);
     benchmark::ClobberMemory();
   }

@@ -36,13 +36,14 @@ struct Reflection {
 
 /// Of the `k` columns of x.
 template <class Scalar>
-void reflect(Index rows, Scalar tau, const Scalar* v, Index k, Panel<Scalar> x) noexcept {
+[[gnu::noinline]] void reflect(Index rows, Scalar tau, const Scalar* v, Index k,
+                               const Panel<Scalar>& x) noexcept {
   add_projection(rows, -tau, v, k, x, x);
 }
 /// C columns of x ← (I − t₂ v₂ v₂ᵀ)(I − t₁ v₁ v₁ᵀ) x, `overlap` = v₁ᵀ v₂: half the passes over x.
 template <int C, class Scalar>
 inline void reflect_twice(Index rows, Scalar t1, const Scalar* v1, Scalar t2, const Scalar* v2,
-                          Scalar overlap, Panel<Scalar> x) noexcept {
+                          Scalar overlap, const Panel<Scalar>& x) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   Packet one[C], two[C];
@@ -71,7 +72,7 @@ inline void reflect_twice(Index rows, Scalar t1, const Scalar* v1, Scalar t2, co
 template <class Scalar>
 [[gnu::noinline]] void reflect_twice(Index rows, Scalar t1, const Scalar* v1, Scalar t2,
                                      const Scalar* v2, Scalar overlap, Index k,
-                                     Panel<Scalar> x) noexcept {
+                                     const Panel<Scalar>& x) noexcept {
   Index c = 0;
   for (; c + 2 <= k; c += 2) reflect_twice<2>(rows, t1, v1, t2, v2, overlap, x.from(c));
   if (c < k) reflect_twice<1>(rows, t1, v1, t2, v2, overlap, x.from(c));
@@ -79,7 +80,7 @@ template <class Scalar>
 /// `reflect` by a v that is zero above row `i` of n.
 template <class Scalar>
 void reflect_from(Index i, Index n, Scalar tau, const Scalar* v, Index k,
-                  Panel<Scalar> x) noexcept {
+                  const Panel<Scalar>& x) noexcept {
   const Index top = packet_begin<Scalar>(i);
   reflect(n - top, tau, v + top, k, x.below(top));
 }
@@ -87,8 +88,8 @@ void reflect_from(Index i, Index n, Scalar tau, const Scalar* v, Index k,
 /// The triangle R of `a = Y R` (rows × cols) takes the place of a; reflection k is I − tau_k v_k
 /// v_kᵀ with v_k zero above row k. Returns their number.
 template <class Scalar>
-[[gnu::noinline]] Index triangularize(Index rows, Index cols, Panel<Scalar> a, Panel<Scalar> v,
-                                      Scalar* tau) noexcept {
+[[gnu::noinline]] Index triangularize(Index rows, Index cols, const Panel<Scalar>& a,
+                                      const Panel<Scalar>& v, Scalar* tau) noexcept {
   const Index steps = std::min(rows, cols);
   for (Index k = 0; k < steps; ++k) {
     const Index top = packet_begin<Scalar>(k), n = rows - top;
@@ -96,7 +97,7 @@ template <class Scalar>
     copy_between(k, rows, a[k], v[k]);
     const auto r = Reflection<Scalar>::make(n, x, k - top);
     tau[k] = r.tau;
-    std::fill_n(a[k] + k, rows - k, Scalar(0));
+    clear(rows - k, a[k] + k);
     a(k, k) = r.length;
     reflect(n, r.tau, x, cols - k - 1, a.from(k + 1).below(top));
   }
@@ -106,8 +107,8 @@ template <class Scalar>
 /// R of RᵀR + `rows` `rows`ᵀ, R as its transpose `triangle`, r × r; `rows` (r × k) is overwritten.
 /// Two columns of scratch.
 template <class Scalar>
-[[gnu::noinline]] void fold(Index r, Index k, Panel<Scalar> rows, Panel<Scalar> triangle, Scalar* w,
-                            Scalar* x) noexcept {
+[[gnu::noinline]] void fold(Index r, Index k, const Panel<Scalar>& rows,
+                            const Panel<Scalar>& triangle, Scalar* w, Scalar* x) noexcept {
   for (Index i = 0; i < r; ++i) {  // a reflection of row i onto its diagonal, across the columns
     Scalar square(0);
     for (Index c = 0; c < k; ++c) square += rows(i, c) * rows(i, c);
@@ -116,8 +117,8 @@ template <class Scalar>
     const Scalar beta = alpha > Scalar(0) ? -length : length;
     const Scalar tau = (beta - alpha) / beta, unit = Scalar(1) / (alpha - beta);
     for (Index c = 0; c < k; ++c) x[c] = rows(i, c) * unit;
-    std::copy_n(triangle[i], triangle.stride, w);
-    product(Into::add, r, 1, k, rows, {x, 1, 0}, {w, 0});
+    copy(triangle.stride, triangle[i], w);
+    product(Into::add, r, 1, k, rows, {x, 0}, {w, 0});
     axpy(r, -tau, w, triangle[i]);
     add_outer(r, k, -tau, w, x, 1, rows);
   }
@@ -127,7 +128,7 @@ template <class Scalar>
 /// 8.3); column k of `vectors` has `rows` + k elements, n at most.
 template <class Scalar>
 void qr_step(Index start, Index end, Scalar* diagonal, Scalar* sub, Index rows, Index n,
-             Panel<Scalar> vectors) noexcept {
+             const Panel<Scalar>& vectors) noexcept {
   const Scalar half = (diagonal[end - 1] - diagonal[end]) / Scalar(2);
   const Scalar e = sub[end - 1];
   const Scalar h = std::sqrt(half * half + e * e);
@@ -174,7 +175,8 @@ struct JacobiRotation {
 /// eigenvalues of a matrix with large ones keep their digits. False if 30 sweeps do not do (six
 /// are usual).
 template <class Scalar>
-[[gnu::cold]] [[gnu::noinline]] bool jacobi(Index n, Panel<Scalar> s, Panel<Scalar> v) noexcept {
+[[gnu::cold]] [[gnu::noinline]] bool jacobi(Index n, const Panel<Scalar>& s,
+                                            const Panel<Scalar>& v) noexcept {
   for (int sweep = 0; sweep < 30; ++sweep) {
     bool rotated = false;
     for (Index i = 0; i < n; ++i) {
@@ -227,7 +229,8 @@ template <class Scalar>
 /// from its largest column; `w` is scratch. False unless each step brings it nearer by a factor of
 /// 16: another eigenvalue is near.
 template <class Scalar>
-[[gnu::noinline]] bool dominant_vector(Index n, Panel<Scalar> s, Scalar* v, Scalar* w) noexcept {
+[[gnu::noinline]] bool dominant_vector(Index n, const Panel<Scalar>& s, Scalar* v,
+                                       Scalar* w) noexcept {
   Index largest = 0;
   for (Index i = 1; i < n; ++i) largest = s(i, i) > s(largest, largest) ? i : largest;
   const Scalar* x = s[largest];
@@ -245,13 +248,13 @@ template <class Scalar>
       if (!(change < before / Scalar(256))) return false;
       before = change;
     }
-    product(Into::set, n, 1, n, s, {v, 1, 0}, {w, 0});
+    product(Into::set, n, 1, n, s, {v, 0}, {w, 0});
     x = w;
   }
 }
 
 template <class Scalar>
-Scalar trace(Index n, Panel<Scalar> s) noexcept {
+Scalar trace(Index n, const Panel<Scalar>& s) noexcept {
   Scalar sum(0);
   for (Index i = 0; i < n; ++i) sum += s(i, i);
   return sum;
@@ -261,12 +264,13 @@ Scalar trace(Index n, Panel<Scalar> s) noexcept {
 /// the inverse of the diagonal on it and anything above. False unless the matrix is positive
 /// definite so far.
 template <class Scalar>
-[[gnu::noinline]] bool cholesky_column(Index n, Index j, Panel<Scalar> s, Scalar shift,
-                                       Panel<Scalar> l) noexcept {
+[[gnu::noinline]] bool cholesky_column(Index n, Index j, const Panel<Scalar>& s, Scalar shift,
+                                       const Panel<Scalar>& l) noexcept {
   const Index top = packet_begin<Scalar>(j);
   Scalar* x = l[j];
   scale(n - top, Scalar(1), s[j] + top, x + top);
-  product(Into::subtract, n - top, 1, j, l.below(j), {l.data + j, l.stride, 0}, {x + top, 0});
+  product(Into::subtract, n - top, 1, j, l.below(j), {l.data + j, l.stride}, {x + top, 0},
+          By::transpose);
   const Scalar pivot = x[j] - shift;
   if (!(pivot > Scalar(0))) return false;
   const Scalar inverse = Scalar(1) / std::sqrt(pivot);
@@ -277,7 +281,7 @@ template <class Scalar>
 
 /// Whether `s − shift I` is positive definite; `l` is its factor then, as above.
 template <class Scalar>
-[[gnu::noinline]] bool cholesky(Index n, Panel<Scalar> s, Panel<Scalar> l,
+[[gnu::noinline]] bool cholesky(Index n, const Panel<Scalar>& s, const Panel<Scalar>& l,
                                 Scalar shift = Scalar(0)) noexcept {
   for (Index j = 0; j < n; ++j) {
     if (!cholesky_column(n, j, s, shift, l)) return false;
@@ -287,10 +291,11 @@ template <class Scalar>
 
 /// The lower triangle alone, with its diagonal and zeros above it.
 template <class Scalar>
-[[gnu::noinline]] void explicit_factor(Index n, Panel<Scalar> l, Panel<Scalar> out) noexcept {
+[[gnu::noinline]] void explicit_factor(Index n, const Panel<Scalar>& l,
+                                       const Panel<Scalar>& out) noexcept {
   for (Index j = 0; j < n; ++j) {
-    std::fill_n(out[j], j, Scalar(0));
-    std::copy_n(l[j] + j, n - j, out[j] + j);
+    clear(j, out[j]);
+    copy(n - j, l[j] + j, out[j] + j);
     out(j, j) = Scalar(1) / l(j, j);
     fill_up(n, out[j]);
   }
@@ -298,7 +303,8 @@ template <class Scalar>
 
 /// `x = (l lᵀ)⁻¹ b`, with zeros after the n elements of x; `b` is overwritten.
 template <class Scalar>
-[[gnu::noinline]] void cholesky_solve(Index n, Panel<Scalar> l, Scalar* b, Scalar* x) noexcept {
+[[gnu::noinline]] void cholesky_solve(Index n, const Panel<Scalar>& l, Scalar* b,
+                                      Scalar* x) noexcept {
   for (Index j = 0; j < n; ++j) {
     const Index top = packet_begin<Scalar>(j);
     const Scalar y = b[j] * l(j, j);

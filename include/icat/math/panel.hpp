@@ -39,11 +39,15 @@ constexpr Index packet_begin(Index i) {
   return i / Simd<Scalar>::size * Simd<Scalar>::size;
 }
 
-/// Zeros from row `n` to the end of its packet.
+/// Zeros from row `n` to the end of its packet; in line, for inner loops.
 template <class Scalar>
-inline void fill_up(Index n, Scalar* x) noexcept {
+inline void inline_fill_up(Index n, Scalar* x) noexcept {
   // A bound that is not computed ahead: compilers make no call of memset of it.
   for (Index i = n; (i & (Simd<Scalar>::size - 1)) != 0; ++i) x[i] = Scalar(0);
+}
+template <class Scalar>
+[[gnu::noinline]] void fill_up(Index n, Scalar* x) noexcept {
+  inline_fill_up(n, x);
 }
 
 /// Zeros, ones and zeros, a packet of each: what elements of a packet are multiplied with to keep
@@ -94,6 +98,7 @@ template <class Scalar>
 }
 
 /// A panel: columns that are `stride` apart, each filled up with zeros to whole packets.
+/// Functions take it by reference: their many calls then are shorter, and cheaper to compile.
 template <class Scalar>
 struct Panel {
   Scalar* data;
@@ -123,34 +128,30 @@ class PanelMemory {
   Index stride_;
 };
 
-/// A matrix that is read one element at a time: b(k, j) = data[k * inner + j * outer].
+/// `out = x`, n elements.
 template <class Scalar>
-struct Elements {
-  const Scalar* data;
-  Index inner, outer;
-};
+[[gnu::noinline]] void copy(Index n, const Scalar* x, Scalar* out) noexcept {
+  std::copy_n(x, n, out);
+}
+/// `x = 0`, n elements.
 template <class Scalar>
-Elements<Scalar> elements(Panel<Scalar> p) noexcept {
-  return {p.data, 1, p.stride};
+[[gnu::noinline]] void clear(Index n, Scalar* x) noexcept {
+  std::fill_n(x, n, Scalar(0));
 }
 template <class Scalar>
-Elements<Scalar> transposed(Panel<Scalar> p) noexcept {
-  return {p.data, p.stride, 1};
-}
-
-template <class Scalar>
-[[gnu::noinline]] void clear(Panel<Scalar> p, Index columns) noexcept {
+[[gnu::noinline]] void clear(const Panel<Scalar>& p, Index columns) noexcept {
   std::fill_n(p.data, columns * p.stride, Scalar(0));
 }
 template <class Scalar>
-[[gnu::noinline]] void copy(Panel<Scalar> from, Panel<Scalar> to, Index columns) noexcept {
+[[gnu::noinline]] void copy(const Panel<Scalar>& from, const Panel<Scalar>& to,
+                            Index columns) noexcept {
   std::copy_n(from.data, columns * from.stride, to.data);
 }
 
 /// The first `rows` of `columns`, with zeros below them.
 template <class Scalar>
-[[gnu::noinline]] void copy_rows(Index rows, Index columns, Panel<Scalar> from,
-                                 Panel<Scalar> to) noexcept {
+[[gnu::noinline]] void copy_rows(Index rows, Index columns, const Panel<Scalar>& from,
+                                 const Panel<Scalar>& to) noexcept {
   for (Index c = 0; c < columns; ++c) {
     std::copy_n(from[c], rows, to[c]);
     std::fill_n(to[c] + rows, to.stride - rows, Scalar(0));
@@ -158,15 +159,23 @@ template <class Scalar>
 }
 /// out (cols × rows) = pᵀ, p: rows × cols
 template <class Scalar>
-[[gnu::noinline]] void transpose(Index rows, Index cols, Panel<Scalar> p,
-                                 Panel<Scalar> out) noexcept {
+[[gnu::noinline]] void transpose(Index rows, Index cols, const Panel<Scalar>& p,
+                                 const Panel<Scalar>& out) noexcept {
   for (Index i = 0; i < rows; ++i) {
     for (Index j = 0; j < cols; ++j) out(j, i) = p(i, j);
-    fill_up(cols, out[i]);
+    inline_fill_up(cols, out[i]);
   }
 }
 
 enum class Into { set, add, subtract };
+enum class By { matrix, transpose };
+
+/// A matrix that is read one element at a time: b(k, j) = data[k * inner + j * outer].
+template <class Scalar>
+struct Elements {
+  const Scalar* data;
+  Index inner, outer;
+};
 
 /// R packets by C columns of `c = a b`, `c += a b` or `c −= a b`, all in registers.
 template <int R, int C, class Scalar>
@@ -196,17 +205,19 @@ inline void product_block(Into into, Index depth, const Scalar* a, Index lda, El
   }
 }
 
-/// `c (rows × cols) = a (rows × depth) b (depth × cols)`, or added to or subtracted from c. Whole
-/// packets of rows are computed. `c` must not overlap `a` or `b`.
+/// `c (rows × cols) = a (rows × depth) b (depth × cols)`, or added to or subtracted from c; b or
+/// its transpose. Whole packets of rows are computed. `c` must not overlap `a` or `b`.
 template <class Scalar>
-[[gnu::noinline]] void product(Into into, Index rows, Index cols, Index depth, Panel<Scalar> a,
-                               Elements<Scalar> b, Panel<Scalar> c) noexcept {
+[[gnu::noinline]] void product(Into into, Index rows, Index cols, Index depth,
+                               const Panel<Scalar>& a, const Panel<Scalar>& b,
+                               const Panel<Scalar>& c, By form = By::matrix) noexcept {
+  const bool plain = form == By::matrix;
   constexpr Index size = Simd<Scalar>::size;
   Index i = 0;
   const auto sweep = [&]<int R>(std::integral_constant<int, R>) {
-    Elements<Scalar> bj = b;
+    Elements<Scalar> bj{b.data, plain ? 1 : b.stride, plain ? b.stride : 1};
     Index j = 0;
-    for (; j + 2 <= cols; j += 2, bj.data += 2 * b.outer) {
+    for (; j + 2 <= cols; j += 2, bj.data += 2 * bj.outer) {
       product_block<R, 2>(into, depth, a.data + i, a.stride, bj, c[j] + i, c.stride);
     }
     if (j < cols) product_block<R, 1>(into, depth, a.data + i, a.stride, bj, c[j] + i, c.stride);
@@ -255,7 +266,7 @@ template <class Scalar>
 
 /// C elements of `aᵀ x`, for columns of a side by side.
 template <int C, class Scalar>
-inline void dots(Index rows, Panel<Scalar> a, const Scalar* x, Scalar* out) noexcept {
+inline void dots(Index rows, const Panel<Scalar>& a, const Scalar* x, Scalar* out) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   Packet sum[C];
@@ -279,21 +290,22 @@ template <class Scalar>
 
 /// `c (k × l) = aᵀ b`
 template <class Scalar>
-[[gnu::noinline]] void transposed_product(Index rows, Index k, Index l, Panel<Scalar> a,
-                                          Panel<Scalar> b, Panel<Scalar> c) noexcept {
+[[gnu::noinline]] void transposed_product(Index rows, Index k, Index l, const Panel<Scalar>& a,
+                                          const Panel<Scalar>& b, const Panel<Scalar>& c) noexcept {
   for (Index j = 0; j < l; ++j) {
     dots(rows, k, a, b[j], c[j]);
-    fill_up(k, c[j]);
+    inline_fill_up(k, c[j]);
   }
 }
 
 /// `c (k × k) = aᵀ a`
 template <class Scalar>
-[[gnu::noinline]] void gram(Index rows, Index k, Panel<Scalar> a, Panel<Scalar> c) noexcept {
+[[gnu::noinline]] void gram(Index rows, Index k, const Panel<Scalar>& a,
+                            const Panel<Scalar>& c) noexcept {
   for (Index j = 0; j < k; ++j) {
     dots(rows, k - j, a.from(j), a[j], c[j] + j);
     for (Index i = j + 1; i < k; ++i) c(j, i) = c(i, j);
-    fill_up(k, c[j]);
+    inline_fill_up(k, c[j]);
   }
 }
 
@@ -337,34 +349,34 @@ template <class Scalar>
 
 /// `to += s from`, `k` columns.
 template <class Scalar>
-[[gnu::noinline]] void add(Index rows, Index k, Scalar s, Panel<Scalar> from,
-                           Panel<Scalar> to) noexcept {
+[[gnu::noinline]] void add(Index rows, Index k, Scalar s, const Panel<Scalar>& from,
+                           const Panel<Scalar>& to) noexcept {
   for (Index c = 0; c < k; ++c) inline_axpy(rows, s, from[c], to[c]);
 }
 /// `to = s from`, `k` columns; they may be the same.
 template <class Scalar>
-[[gnu::noinline]] void scale(Index rows, Index k, Scalar s, Panel<Scalar> from,
-                             Panel<Scalar> to) noexcept {
+[[gnu::noinline]] void scale(Index rows, Index k, Scalar s, const Panel<Scalar>& from,
+                             const Panel<Scalar>& to) noexcept {
   for (Index c = 0; c < k; ++c) scale(rows, s, from[c], to[c]);
 }
 
 /// `out += s v vᵀ in`, `k` columns; `in` and `out` may be the same.
 template <class Scalar>
 [[gnu::noinline]] void add_projection(Index rows, Scalar s, const Scalar* v, Index k,
-                                      Panel<Scalar> in, Panel<Scalar> out) noexcept {
+                                      const Panel<Scalar>& in, const Panel<Scalar>& out) noexcept {
   for (Index c = 0; c < k; ++c) inline_axpy(rows, s * inline_dot(rows, v, in[c]), v, out[c]);
 }
 /// `out += s v wᵀ`, `k` columns; elements of w are `step` apart.
 template <class Scalar>
 [[gnu::noinline]] void add_outer(Index rows, Index k, Scalar s, const Scalar* v, const Scalar* w,
-                                 Index step, Panel<Scalar> out) noexcept {
+                                 Index step, const Panel<Scalar>& out) noexcept {
   for (Index c = 0; c < k; ++c) inline_axpy(rows, s * w[c * step], v, out[c]);
 }
 
 /// `s −= v wᵀ + w vᵀ` in the columns from `first` to n and whole packets of rows from `top`.
 template <class Scalar>
 [[gnu::noinline]] void subtract_symmetric(Index first, Index top, Index n, const Scalar* v,
-                                          const Scalar* w, Panel<Scalar> s) noexcept {
+                                          const Scalar* w, const Panel<Scalar>& s) noexcept {
   using namespace Eigen::internal;
   using Packet = typename Simd<Scalar>::Packet;
   for (Index c = first; c < n; ++c) {

@@ -28,10 +28,10 @@ struct Factor {
   bool transposed;
 
   /// out = F x, x: n × k.
-  [[gnu::noinline]] void apply(Index n, Index k, Panel<Scalar> x,
-                               Panel<Scalar> out) const noexcept {
+  [[gnu::noinline]] void apply(Index n, Index k, const Panel<Scalar>& x,
+                               const Panel<Scalar>& out) const noexcept {
     if (transposed) return transposed_product(n, rows, k, panel, x, out);
-    product(Into::set, rows, k, n, panel, elements(x), out);
+    product(Into::set, rows, k, n, panel, x, out);
   }
 };
 
@@ -54,13 +54,15 @@ class SpectralInverse {
   /// `z = f(S) b`, n elements and the zeros after them. `s` (leading n × n) is overwritten. False
   /// if anything overflowed.
   template <class Regularization>
-  bool apply(Square s, Index n, const Scalar* b, Scalar* z, const Regularization& f) noexcept {
+  bool apply(const Square& s, Index n, const Scalar* b, Scalar* z,
+             const Regularization& f) noexcept {
     return evaluate(false, s, n, b, z, f);
   }
   /// The same for `z = S f(S) b`: the identity but for eigenvalues below the threshold, so that no
   /// digits are lost where f is large.
   template <class Regularization>
-  bool filter(Square s, Index n, const Scalar* b, Scalar* z, const Regularization& f) noexcept {
+  bool filter(const Square& s, Index n, const Scalar* b, Scalar* z,
+              const Regularization& f) noexcept {
     return evaluate(true, s, n, b, z, f);
   }
 
@@ -68,7 +70,7 @@ class SpectralInverse {
   /// column's n; the others are the last `below` columns of `vectors`. Where S = FᵀF is given with
   /// its `factor` F, they are as accurate as the singular values of F.
   template <class Regularization>
-  bool compute(Square s, Index n, Square out, const Regularization& f,
+  bool compute(const Square& s, Index n, const Square& out, const Regularization& f,
                const Factor<Scalar>* factor = nullptr) noexcept {
     if (!prepare(s, n, Scalar(f.threshold))) return false;
     if (!(large_ ? rotate_all(s, f) : diagonalize(s, f))) return false;
@@ -77,7 +79,7 @@ class SpectralInverse {
     copy(vectors_, householder_, n);
     solve<false>(householder_.data, householder_.stride, n);
     for (Index i = n - below_; i < n; ++i) clear(householder_.from(i), 1);
-    product(Into::set, n, n, n, householder_, transposed(vectors_), out);
+    product(Into::set, n, n, n, householder_, vectors_, out, By::transpose);
     // Rows below n are left over from earlier levels.
     for (Index j = 0; j < n; ++j) {
       if (!all_finite(n, out[j])) return false;
@@ -86,11 +88,11 @@ class SpectralInverse {
   }
   /// `out` (n × k) += the part of the others times `in`. As one matrix they would lose digits: f is
   /// large there.
-  void add_small(Index k, Square in, Square out) const noexcept {
+  void add_small(Index k, const Square& in, const Square& out) const noexcept {
     add_small(k, in, out, [&](Index i) { return value_[i]; });
   }
   /// `y` (n × k) ← S f(S) y
-  void filter(Index k, Square y) const noexcept {
+  void filter(Index k, const Square& y) const noexcept {
     add_small(k, y, y, [&](Index i) { return gain(i) - Scalar(1); });
   }
 
@@ -98,14 +100,14 @@ class SpectralInverse {
   /// threshold.
   Index below() const noexcept { return below_; }
   /// After `compute`: V, of which the last `below` columns belong to those eigenvalues.
-  Square vectors() const noexcept { return vectors_; }
+  const Square& vectors() const noexcept { return vectors_; }
   /// f(σ) and σ f(σ) of column `i`, one of those.
   Scalar inverse(Index i) const noexcept { return value_[i]; }
   Scalar gain(Index i) const noexcept { return diagonal_[i] * value_[i]; }
 
  private:
   template <class Weight>
-  void add_small(Index k, Square in, Square out, Weight weight) const noexcept {
+  void add_small(Index k, const Square& in, const Square& out, Weight weight) const noexcept {
     for (Index i = n_ - below_; i < n_; ++i) {
       add_projection(n_, weight(i), vectors_[i], k, in, out);
     }
@@ -117,10 +119,10 @@ class SpectralInverse {
   }
 
   template <class Regularization>
-  bool evaluate(bool times_s, Square s, Index n, const Scalar* b, Scalar* z,
+  bool evaluate(bool times_s, const Square& s, Index n, const Scalar* b, Scalar* z,
                 const Regularization& f) noexcept {
     if (!prepare(s, n, Scalar(f.threshold))) return false;
-    std::fill_n(z, padded<Scalar>(n), Scalar(0));
+    clear(padded<Scalar>(n), z);
     const auto function = [&](Scalar* y) {
       if (times_s) {
         for (Index i = rest_; i < size_; ++i) y[i] *= gain(i) / unit_;
@@ -132,7 +134,7 @@ class SpectralInverse {
       if (!rotate_all(s, f)) return false;
       transposed_product(n, n, 1, vectors_, {const_cast<Scalar*>(b), 0}, {y_, 0});
       function(y_);
-      product(Into::set, n, 1, n, vectors_, {y_, 1, 0}, {z, 0});
+      product(Into::set, n, 1, n, vectors_, {y_, 0}, {z, 0});
       return all_finite(n, z);
     }
     Scalar* v = householder_[0];
@@ -153,8 +155,8 @@ class SpectralInverse {
       if (!deflate(f, 2)) return false;
       for (Index i = 0; i < size_; ++i) y_[i] = vectors_(0, i) * first.length;
       function(y_);
-      product(Into::set, size_, 1, size_, vectors_, {y_, 1, 0}, {z, 0});
-      std::fill_n(z + size_, padded<Scalar>(n) - size_, Scalar(0));
+      product(Into::set, size_, 1, size_, vectors_, {y_, 0}, {z, 0});
+      clear(padded<Scalar>(n) - size_, z + size_);
     }
     for (Index i = reflections_; i-- > 0;) {
       reflect_from(i, n_, tau_[i], householder_[i], 1, {z, 0});
@@ -164,7 +166,7 @@ class SpectralInverse {
 
   /// V and the eigenvalues below the threshold, by steps 1 to 3.
   template <class Regularization>
-  bool diagonalize(Square s, const Regularization& f) noexcept {
+  bool diagonalize(const Square& s, const Regularization& f) noexcept {
     tridiagonalize(s, 0);
     below_ = count_below(unit_ * Scalar(f.threshold), size_);
     set_identity();
@@ -176,7 +178,8 @@ class SpectralInverse {
 
   /// V and all eigenvalues, by Jacobi's rotations.
   template <class Regularization>
-  [[gnu::cold]] [[gnu::noinline]] bool rotate_all(Square s, const Regularization& f) noexcept {
+  [[gnu::cold]] [[gnu::noinline]] bool rotate_all(const Square& s,
+                                                  const Regularization& f) noexcept {
     set_identity();
     if (!jacobi(n_, s, vectors_)) return false;
     rest_ = below_ = 0;
@@ -190,7 +193,7 @@ class SpectralInverse {
 
   /// S of any size comes near 1 (exactly, by a power of two), so that no square overflows or
   /// vanishes. False if it is not finite.
-  [[gnu::noinline]] bool prepare(Square s, Index n, Scalar threshold) noexcept {
+  [[gnu::noinline]] bool prepare(const Square& s, Index n, Scalar threshold) noexcept {
     n_ = size_ = n;
     reflections_ = 0;
     scale_ = Scalar(0);
@@ -211,18 +214,18 @@ class SpectralInverse {
 
   /// S ← (I − tau v vᵀ) S (I − tau v vᵀ) = S − v wᵀ − w vᵀ, w = p − (tau/2) (pᵀv) v, p = tau S v,
   /// from row and column k on, above which v is zero. What is above, in the same packets, is lost.
-  [[gnu::noinline]] void update(Square s, Index k, const Scalar* v, Scalar tau) noexcept {
+  [[gnu::noinline]] void update(const Square& s, Index k, Scalar* v, Scalar tau) noexcept {
     ++reflections_;
     const Index top = packet_begin<Scalar>(k), rows = n_ - top;
     Scalar* w = p_;
-    product(Into::set, rows, 1, n_ - k, s.from(k).below(k), {v + k, 1, 0}, {w + top, 0});
+    product(Into::set, rows, 1, n_ - k, s.from(k).below(k), {v + k, 0}, {w + top, 0});
     combine(rows, tau, w + top, -tau * (tau * dot(rows, w + top, v + top)) / Scalar(2), v + top,
             w + top);
     subtract_symmetric(k, top, n_, v, w, s);
   }
 
   /// With a first vector, T ends with its Krylov space.
-  void tridiagonalize(Square s, Index first) noexcept {
+  void tridiagonalize(const Square& s, Index first) noexcept {
     const Index n = n_;
     const Scalar nothing = scale_ * Scalar(n) * std::numeric_limits<Scalar>::epsilon();
     // That of a diagonal element of this size in a semi-definite matrix.
@@ -251,7 +254,7 @@ class SpectralInverse {
   }
 
   /// The trailing block of S, semi-definite, is rounding.
-  bool rest_is_nothing(Square s, Index from, Scalar nothing) const noexcept {
+  bool rest_is_nothing(const Square& s, Index from, Scalar nothing) const noexcept {
     Scalar trace(0);
     for (Index i = from; i < n_; ++i) trace += std::abs(s(i, i));
     return trace <= nothing;
@@ -310,7 +313,7 @@ class SpectralInverse {
   /// to small ones; their squared norms are the eigenvalues.
   template <class Regularization>
   [[gnu::cold]] void refine(const Factor<Scalar>& factor, const Regularization& f) noexcept {
-    const Square c = householder_, v = vectors_;
+    const Square &c = householder_, &v = vectors_;
     const Index rows = factor.rows;
     const Scalar rounding = Scalar(rows) * std::numeric_limits<Scalar>::epsilon();
     const Index first = n_ - below_;

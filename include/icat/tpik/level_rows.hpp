@@ -72,14 +72,14 @@ class LevelRows {
   bool tall() const noexcept { return active_ > free(); }
 
   /// out = f(S) in, S = g. Large values of f must not meet the rounding of others.
-  [[gnu::noinline]] void invert(Block in, Block out) const noexcept {
-    detail::product(Into::set, rank, sides_, rank, f, elements(in), out);
+  [[gnu::noinline]] void invert(const Block& in, const Block& out) const noexcept {
+    detail::product(Into::set, rank, sides_, rank, f, in, out);
     for (Index i = rank - below; i < rank; ++i) {
       add_projection(rank, inverses[i], basis[i], sides_, in, out);
     }
   }
   /// y ← S f(S) y, S = g: the identity but for the eigenvalues below the threshold.
-  [[gnu::noinline]] void filter(Block y) const noexcept {
+  [[gnu::noinline]] void filter(const Block& y) const noexcept {
     for (Index i = rank - below; i < rank; ++i) {
       add_projection(rank, gains[i] - Scalar(1), basis[i], sides_, y, y);
     }
@@ -102,10 +102,10 @@ class LevelRows {
   Scalar threshold() const noexcept { return Scalar(system.regularization.threshold); }
   /// Rows come in chunks; `triangle` keeps R, RᵀR = BᵀB, as Rᵀ.
   bool folds() const noexcept { return active_ > dof_; }
-  Block triangle() const noexcept { return system.scratch[4]; }
+  const Block& triangle() const noexcept { return system.scratch[4]; }
   /// The same of A^{1/2} B.
-  Block weighted_triangle() const noexcept { return system.scratch[3]; }
-  Block weighted_rows() const noexcept { return system.scratch[0]; }
+  const Block& weighted_triangle() const noexcept { return system.scratch[3]; }
+  const Block& weighted_rows() const noexcept { return system.scratch[0]; }
 
   /// Makes the rows gathered so far Bᵀ, and e A^{3/2} e; a tall level sums them up.
   void absorb() noexcept {
@@ -123,16 +123,16 @@ class LevelRows {
     }
     if (!tall()) return gram(r, k, bt, g);
     if (!folds()) {
-      product(Into::set, r, r, k, bt, transposed(bt), g);
-      product(Into::set, r, sides_, k, bt, elements(e), rhs);
+      product(Into::set, r, r, k, bt, bt, g, By::transpose);
+      product(Into::set, r, sides_, k, bt, e, rhs);
       if (binary) return;
       weigh_rows(k);
-      return product(Into::set, r, r, k, weighted_rows(), transposed(weighted_rows()), change);
+      return product(Into::set, r, r, k, weighted_rows(), weighted_rows(), change, By::transpose);
     }
-    product(Into::add, r, r, k, bt, transposed(bt), g);
-    product(Into::add, r, sides_, k, bt, elements(e), rhs);
+    product(Into::add, r, r, k, bt, bt, g, By::transpose);
+    product(Into::add, r, sides_, k, bt, e, rhs);
     weigh_rows(k);
-    product(Into::add, r, r, k, weighted_rows(), transposed(weighted_rows()), change);
+    product(Into::add, r, r, k, weighted_rows(), weighted_rows(), change, By::transpose);
     fold(k);
     stored_ = 0;
   }
@@ -144,7 +144,7 @@ class LevelRows {
     for (Index i = 0; i < active_; ++i) {
       if (bt(0, i) == Scalar(0) && dot(free(), bt[i], bt[i]) == Scalar(0)) continue;
       if (kept++ == i) continue;
-      std::copy_n(bt[i], bt.stride, bt[kept - 1]);
+      copy(bt.stride, bt[i], bt[kept - 1]);
       for (Index c = 0; c < sides_; ++c) e(kept - 1, c) = e(i, c);
       a[kept - 1] = a[i];
     }
@@ -196,9 +196,9 @@ class LevelRows {
   }
   /// change ← f change
   [[gnu::noinline]] void set_change() noexcept {
-    const Block weighted = system.scratch[0];
+    const Block& weighted = system.scratch[0];
     copy(change, weighted, rank);
-    product(Into::set, rank, rank, rank, f, elements(weighted), change);
+    product(Into::set, rank, rank, rank, f, weighted, change);
   }
   /// F of S = F Fᵀ for a tall level, of S = FᵀF for another.
   [[gnu::cold]] [[gnu::noinline]] Factor<Scalar> factor() const noexcept {
@@ -209,7 +209,7 @@ class LevelRows {
   /// the only one where the trace of f without 1/λ is at most 1/σ_t; `sum` is σ_t times the trace.
   [[gnu::cold]] [[gnu::noinline]] bool set_apart(Scalar sum) noexcept {
     const Index k = rank;
-    const Block work = system.scratch[1];
+    const Block& work = system.scratch[1];
     Scalar *v = basis[k - 1], *w = work[0];
     // 1/λ is the norm of f, which is at most the root of the sum of its squares.
     Scalar squares(0);
@@ -225,11 +225,11 @@ class LevelRows {
     constexpr Scalar digits = Scalar(1 << 25);
     if (!(trace(k, g) * threshold() <= digits * value * value)) return false;
     // f ← (I − v vᵀ) f (I − v vᵀ)
-    product(Into::set, k, 1, k, f, {v, 1, 0}, {w, 0});
+    product(Into::set, k, 1, k, f, {v, 0}, {w, 0});
     axpy(k, dot(k, v, w) / Scalar(-2), v, w);
     subtract_symmetric(Index(0), Index(0), k, v, w, f);
     // The reflection of v onto the last axis has v for its last column, but for the sign.
-    std::copy_n(v, work.stride, w);
+    copy(work.stride, v, w);
     const Scalar tau = Reflection<Scalar>::make(k, w, k - 1).tau;
     clear(basis, k - 1);
     for (Index j = 0; j < k - 1; ++j) basis(j, j) = Scalar(1);
@@ -242,7 +242,7 @@ class LevelRows {
   }
   [[gnu::cold]] [[gnu::noinline]] bool invert_spectrally() noexcept {
     const Index k = rank;
-    const Block work = system.scratch[1];
+    const Block& work = system.scratch[1];
     SpectralInverse<Scalar>& spectral = system.spectral;
     copy(g, work, k);
     const Factor<Scalar> of_g = factor();
@@ -265,11 +265,11 @@ class LevelRows {
     set_change();
     const Index k = rank, rows = folds() ? k : active_;
     if (!folds()) weigh_rows(rows);
-    const Block weighted = folds() ? weighted_triangle() : weighted_rows();
+    const Block& weighted = folds() ? weighted_triangle() : weighted_rows();
     for (Index i = k - below; i < k; ++i) {
       const Block v = basis.from(i), rv = system.scratch[1], w = rv.from(1);
       transposed_product(k, rows, 1, weighted, v, rv);
-      product(Into::set, k, 1, rows, weighted, elements(rv), w);
+      product(Into::set, k, 1, rows, weighted, rv, w);
       add_outer(k, k, inverses[i], v[0], w[0], 1, change);
     }
   }

@@ -97,7 +97,7 @@ class ParametricTpik {
   /// q̇ = ρ̃ + P v. `v` in the frame of the Jacobian's last columns (⟨v⟩ for a vehicle).
   VectorN evaluate(const Vector<Scalar, Parameters>& v) const noexcept {
     VectorN velocity(dof());
-    std::copy_n(law_.data(), dof(), velocity.data());
+    detail::copy(dof(), law_.data(), velocity.data());
     for (Index c = 1; c < columns; ++c) {
       for (Index i = 0; i < dof(); ++i) velocity(i) += law_(i, c) * v(c - 1);
     }
@@ -158,7 +158,7 @@ class ParametricTpik {
     }
     level.status = detail::check_speeds(law_.size(), next_law_.data());
     if (level.status != Status::ok) return false;
-    std::copy_n(next_law_.data(), law_.size(), law_.data());
+    detail::copy(law_.size(), next_law_.data(), law_.data());
     return true;
   }
 

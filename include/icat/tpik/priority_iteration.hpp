@@ -175,18 +175,18 @@ class PriorityIteration {
         system().reduced(m, level_.bt, level_.g, level_.e, y_)) {
       return true;
     }
-    const Block btb = level_.change;
-    product(Into::set, r, sides_, m, level_.bt, elements(level_.e), level_.rhs);
-    product(Into::set, r, r, m, level_.bt, transposed(level_.bt), btb);
+    const Block& btb = level_.change;
+    product(Into::set, r, sides_, m, level_.bt, level_.e, level_.rhs);
+    product(Into::set, r, r, m, level_.bt, level_.bt, btb, By::transpose);
     if (!(spans && system().regular(btb, level_.rhs, z_)) && !system().full(btb, level_.rhs, z_)) {
       return false;
     }
     transposed_product(r, m, sides_, level_.bt, z_, y_);
     return true;
   }
-  [[gnu::noinline]] void apply_wide(Block y) noexcept {
+  [[gnu::noinline]] void apply_wide(const Block& y) noexcept {
     level_.invert(y, side_);
-    product(Into::set, free(), sides_, level_.rank, level_.bt, elements(side_), z_);
+    product(Into::set, free(), sides_, level_.rank, level_.bt, side_, z_);
   }
 
   /// z_ ← C z = f(BᵀB) BᵀA B z
@@ -204,7 +204,7 @@ class PriorityIteration {
       return true;
     }
     copy(z_, side_, sides_);
-    product(Into::set, r, sides_, r, level_.change, elements(side_), z_);
+    product(Into::set, r, sides_, r, level_.change, side_, z_);
     return true;
   }
 
@@ -228,9 +228,9 @@ class PriorityIteration {
   void accept_partial() noexcept {
     if (level_.rank == 1 && negligible(level_.a[0] * level_.gains[0])) return;
     const auto& [left, u, w, unused, unused1] = system().scratch;
-    product(Into::set, free(), level_.rank, level_.rank, level_.bt, elements(level_.f), left);
+    product(Into::set, free(), level_.rank, level_.rank, level_.bt, level_.f, left);
     for (Index i = level_.rank - level_.below; i < level_.rank; ++i) {
-      product(Into::set, free(), 1, level_.rank, level_.bt, elements(level_.basis.from(i)), w);
+      product(Into::set, free(), 1, level_.rank, level_.bt, level_.basis.from(i), w);
       for (Index j = 0; j < level_.rank; ++j)
         axpy(free(), level_.inverses[i] * level_.basis(j, i), w[0], left[j]);
     }
@@ -244,7 +244,7 @@ class PriorityIteration {
     const auto& [left, rows, unused, unused1, unused2] = system().scratch;
     Index binary = 0;
     for (Index i = 0; i < level_.rank; ++i) {
-      if (level_.a[i] == Scalar(1)) std::copy_n(left[i], left.stride, rows[binary++]);
+      if (level_.a[i] == Scalar(1)) copy(left.stride, left[i], rows[binary++]);
     }
     q().take(binary, rows);
   }
@@ -258,7 +258,7 @@ class PriorityIteration {
     if (level_.tall()) {
       copy(level_.basis, rows, level_.rank);
     } else {
-      product(Into::set, r, level_.rank, level_.rank, level_.bt, elements(level_.basis), rows);
+      product(Into::set, r, level_.rank, level_.rank, level_.bt, level_.basis, rows);
       for (Index i = rest; i < level_.rank; ++i) {
         const Scalar square = dot(r, rows[i], rows[i]);
         scale(r, square > Scalar(0) ? Scalar(1) / std::sqrt(square) : Scalar(0), rows[i], rows[i]);
@@ -267,7 +267,7 @@ class PriorityIteration {
     Index gained = 0;
     for (Index i = rest; i < level_.rank; ++i) {
       if (negligible(level_.gains[i])) continue;
-      std::copy_n(rows[i], rows.stride, v[gained]);
+      copy(rows.stride, rows[i], v[gained]);
       scale(rows.stride, level_.gains[i], rows[i], scaled[gained++]);
     }
     q().extend(gained, scaled, u);
@@ -280,24 +280,24 @@ class PriorityIteration {
   void accept_mixed() noexcept {
     const auto& [left, lb, weights, u, v] = system().scratch;
     const Index m = level_.rank;
-    product(Into::set, free(), m, m, level_.bt, elements(level_.f), left);
+    product(Into::set, free(), m, m, level_.bt, level_.f, left);
     q().extend(m, level_.bt, lb);
     Index binary = 0, partial = 0;
     for (Index i = 0; i < m; ++i) {
       if (level_.a[i] == Scalar(1)) {
-        std::copy_n(left[i], left.stride, level_.bt[binary++]);
+        copy(left.stride, left[i], level_.bt[binary++]);
         continue;
       }
       Scalar* w = weights[partial];
-      std::fill_n(w, weights.stride, Scalar(0));
+      clear(weights.stride, w);
       for (Index j = 0; j < m; ++j) {
         if (level_.a[j] < Scalar(1))
           axpy(m, (Scalar(1) - level_.a[j]) * level_.g(j, i), level_.f[j], w);
       }
-      std::copy_n(lb[i], lb.stride, u[partial]);
-      std::copy_n(left[i], left.stride, v[partial++]);
+      copy(lb.stride, lb[i], u[partial]);
+      copy(left.stride, left[i], v[partial++]);
     }
-    product(Into::subtract, q().reach(), partial, m, lb, elements(weights), u);
+    product(Into::subtract, q().reach(), partial, m, lb, weights, u);
     q().gain(partial, u, v);
     q().take(binary, level_.bt);
   }
@@ -336,14 +336,14 @@ class PriorityIteration {
       copy(q().v(), triangle_, p);
       copy_rows(r, p, q().u(), triangle_.from(p));
       triangularize(r, d, triangle_, reflections, tau);
-      product(Into::set, d, d, p, triangle_.from(p), transposed(triangle_), t);
+      product(Into::set, d, d, p, triangle_.from(p), triangle_, t, By::transpose);
       gram(d, d, t, m);
       scale(d, d, Scalar(-1), t, t);
       for (Index j = 0; j < d; ++j) t(j, j) += Scalar(1);
       gram(d, d, t, level_.g);
       if (const Index taken = q().reach() - r; taken > 0) {
         q().copy_taken(factor);
-        product(Into::set, taken, d, p, factor, transposed(triangle_), t);
+        product(Into::set, taken, d, p, factor, triangle_, t, By::transpose);
         gram(taken, d, t, factor);
         add(d, d, Scalar(1), factor, level_.g);
       }
@@ -363,7 +363,7 @@ class PriorityIteration {
 
   /// z ← f(S) S z, S the Gram matrix of the level: z itself where no eigenvalue lies below the
   /// threshold.
-  bool close_with(Index n, Block z) noexcept {
+  bool close_with(Index n, const Block& z) noexcept {
     const auto& [s, factor, reflections, square, unused] = system().scratch;
     if (cholesky(n, level_.g, factor, threshold())) return true;
     copy(level_.g, s, n);

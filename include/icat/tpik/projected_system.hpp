@@ -50,14 +50,14 @@ class ProjectedSystem {
   /// Rows that are independent of the partial ones, m + p ≤ r: then z can satisfy both, and B z =
   /// e. It is certain where K_v > 0, G = BBᵀ ≥ σ_t and VᵀV − VᵀBᵀ (G − σ_t I)⁻¹ B V > σ_t K_v⁻¹, of
   /// which (G − σ_t I)⁻¹ ≤ G⁻¹ + σ_t / (1 − σ_t tr G⁻¹) G⁻². `f` is G⁻¹.
-  bool independent(Index m, Block jt, Block f) noexcept {
+  bool independent(Index m, const Block& jt, const Block& f) noexcept {
     const Index r = projector.free(), p = projector.partial();
     if (m + p > r || small_eigenvalues_) return false;
     const Scalar rest = Scalar(1) - sigma_ * trace(m, f);
     const auto& [s, bv, fbv, product_, unused] = scratch;
     if (!(rest > Scalar(0)) || !set_kv(s)) return false;
     transposed_product(r, m, p, jt, projector.v(), bv);
-    product(Into::set, m, p, m, f, elements(bv), fbv);
+    product(Into::set, m, p, m, f, bv, fbv);
     if (p == 1) {  // the same with numbers
       const Scalar v =
           projector.v_gram()(0, 0) - dot(m, bv[0], fbv[0]) - sigma_ / rest * dot(m, fbv[0], fbv[0]);
@@ -75,7 +75,7 @@ class ProjectedSystem {
   }
 
   /// z = M⁻¹ `rhs` by Cholesky factors, where BᵀB + V K_v Vᵀ − σ_t I has one. `btb` is BᵀB.
-  bool regular(Block btb, Block rhs, Block z) noexcept {
+  bool regular(const Block& btb, const Block& rhs, const Block& z) noexcept {
     if (small_eigenvalues_ || !valid_kv()) return false;
     const Index r = projector.free();
     const auto& [m, shifted, factor, shifted_factor, vk] = scratch;
@@ -89,7 +89,7 @@ class ProjectedSystem {
         add(r, r, Scalar(1), vk, shifted);
       }
     } else {
-      const Block v = projector.v();
+      const Block& v = projector.v();
       add_weighted(r, v, projector.k_free(), eta_, vk, m);
       if (taken()) {
         (void)set_kv(factor);
@@ -97,7 +97,7 @@ class ProjectedSystem {
       }
     }
     // Both factors at a time: each is one long chain of operations that wait for each other.
-    const Block certificate = taken() ? shifted : m;
+    const Block& certificate = taken() ? shifted : m;
     for (Index j = 0; j < r; ++j) {
       if (!cholesky_column(r, j, certificate, sigma_, shifted_factor) ||
           !cholesky_column(r, j, m, Scalar(0), factor)) {
@@ -110,31 +110,32 @@ class ProjectedSystem {
 
   /// More rows than free axes, G = BᵀB ≥ σ_t with its inverse `f`: K_v > 0 is enough. With
   /// η K₀ = L Lᵀ and H = G⁻¹ V L, z = G⁻¹ b − H (I + LᵀVᵀ H)⁻¹ Hᵀ b.
-  [[gnu::cold]] bool corrected(Block f, Block rhs, Block z) noexcept {
+  [[gnu::cold]] bool corrected(const Block& f, const Block& rhs, const Block& z) noexcept {
     const Index r = projector.free(), p = projector.partial();
     const auto& [k, l, vl, h, s] = scratch;
     if (projector.dense() || !factor_k(k, s, l)) return false;
-    product(Into::set, r, p, p, projector.v(), elements(l), vl);
-    product(Into::set, r, p, r, f, elements(vl), h);
+    product(Into::set, r, p, p, projector.v(), l, vl);
+    product(Into::set, r, p, r, f, vl, h);
     transposed_product(r, p, p, vl, h, k);
     if (!correct(r, k, h, rhs, s)) return false;
-    product(Into::set, r, sides_, r, f, elements(rhs), z);
-    product(Into::subtract, r, sides_, p, h, elements(side_), z);
+    product(Into::set, r, sides_, r, f, rhs, z);
+    product(Into::subtract, r, sides_, p, h, side_, z);
     return true;
   }
   /// As many rows as free axes, G = BBᵀ ≥ σ_t with its inverse `f`: the same in the coordinates of
   /// the rows. With H = G⁻¹ B V L, y = B z = e − H (I + HᵀH)⁻¹ Hᵀ e.
-  [[gnu::cold]] bool corrected_rows(Block jt, Block f, Block e, Block y) noexcept {
+  [[gnu::cold]] bool corrected_rows(const Block& jt, const Block& f, const Block& e,
+                                    const Block& y) noexcept {
     const Index r = projector.free(), p = projector.partial();
     const auto& [k, l, vl, h, s] = scratch;
     if (projector.dense() || !factor_k(k, s, l)) return false;
-    product(Into::set, r, p, p, projector.v(), elements(l), vl);
+    product(Into::set, r, p, p, projector.v(), l, vl);
     transposed_product(r, r, p, jt, vl, k);
-    product(Into::set, r, p, r, f, elements(k), h);
+    product(Into::set, r, p, r, f, k, h);
     gram(r, p, h, k);
     if (!correct(r, k, h, e, s)) return false;
     copy_rows(r, sides_, e, y);
-    product(Into::subtract, r, sides_, p, h, elements(side_), y);
+    product(Into::subtract, r, sides_, p, h, side_, y);
     return true;
   }
 
@@ -145,7 +146,7 @@ class ProjectedSystem {
   /// y = B z. M = F Fᵀ with F = [Bᵀ, √η V L₀, √η V R_tᵀ; 0, 0, √η I], K₀ = L₀ L₀ᵀ, K_t = R_tᵀ R_t,
   /// so that with S = FᵀF, which is smaller, y is the upper part of S f(S) [e; 0]. `g` is
   /// BBᵀ ≥ σ_t: where B has smaller singular values, y would lose digits that B z keeps.
-  bool reduced(Index m, Block jt, Block g, Block e, Block y) noexcept {
+  bool reduced(Index m, const Block& jt, const Block& g, const Block& e, const Block& y) noexcept {
     const Index r = projector.free(), p = projector.partial(), q = taken_rank(), w = p + q;
     const auto& [s, bv, factors, bvw, work] = scratch;
     projector.weigh();
@@ -158,13 +159,13 @@ class ProjectedSystem {
     }
     scale(p, w, std::sqrt(eta_), factors, factors);
     transposed_product(r, m, p, jt, projector.v(), bv);
-    product(Into::set, m, w, p, bv, elements(factors), bvw);
-    product(Into::set, p, w, p, projector.v_gram(), elements(factors), work);
+    product(Into::set, m, w, p, bv, factors, bvw);
+    product(Into::set, p, w, p, projector.v_gram(), factors, work);
     transposed_product(p, w, w, factors, work, bv);
-    for (Index j = 0; j < m; ++j) std::copy_n(g[j], m, s[j]);
+    for (Index j = 0; j < m; ++j) copy(m, g[j], s[j]);
     for (Index j = 0; j < w; ++j) {
       for (Index i = 0; i < m; ++i) s(i, m + j) = s(m + j, i) = bvw(i, j);
-      std::copy_n(bv[j], w, s[m + j] + m);
+      copy(w, bv[j], s[m + j] + m);
       if (j >= p) s(m + j, m + j) += eta_;
     }
     for (Index j = 0; j < m + w; ++j) fill_up(m + w, s[j]);
@@ -176,7 +177,7 @@ class ProjectedSystem {
   }
 
   /// z = f(M) `rhs` with f(M) evaluated on all axes that Q reaches. `btb` is BᵀB.
-  bool full(Block btb, Block rhs, Block z) noexcept {
+  bool full(const Block& btb, const Block& rhs, const Block& z) noexcept {
     const Index r = projector.free(), b = projector.reach(), p = projector.partial();
     const auto& [m, product_, out, unused, unused_] = scratch;
     Block uv = projector.u();
@@ -187,7 +188,7 @@ class ProjectedSystem {
       }
       if (taken()) add(r, r, eta_, projector.k_taken(), m);
     } else {
-      product(Into::set, b, r, p, uv, transposed(projector.v()), product_);
+      product(Into::set, b, r, p, uv, projector.v(), product_, By::transpose);
       uv = product_;
       gram(b, r, uv, m);
       for (Index j = 0; j < r; ++j) combine(r, eta_, m[j], Scalar(1), btb[j], m[j]);
@@ -206,7 +207,8 @@ class ProjectedSystem {
   }
 
   /// out = s f(s) in (n × sides); `s` is overwritten, `square` scratch.
-  [[gnu::noinline]] bool filter(Block s, Index n, Block in, Block out, Block square) noexcept {
+  [[gnu::noinline]] bool filter(const Block& s, Index n, const Block& in, const Block& out,
+                                const Block& square) noexcept {
     if (sides_ == 1) return spectral.filter(s, n, in.data, out.data, regularization);
     if (!spectral.compute(s, n, square, regularization)) return false;
     copy_rows(n, sides_, in, out);
@@ -214,17 +216,17 @@ class ProjectedSystem {
     return true;
   }
   /// z = (l lᵀ)⁻¹ rhs
-  [[gnu::noinline]] void solve(Index n, Block l, Block rhs, Block z) noexcept {
+  [[gnu::noinline]] void solve(Index n, const Block& l, const Block& rhs, const Block& z) noexcept {
     copy_rows(n, sides_, rhs, side_);
     for (Index c = 0; c < sides_; ++c) cholesky_solve(n, l, side_[c], z[c]);
   }
   /// s += weight · r k rᵀ, for r (n × p) and symmetric k; `rk` is scratch.
-  [[gnu::noinline]] void add_weighted(Index n, Block r, Block k, Scalar weight, Block rk,
-                                      Block s) noexcept {
+  [[gnu::noinline]] void add_weighted(Index n, const Block& r, const Block& k, Scalar weight,
+                                      const Block& rk, const Block& s) noexcept {
     const Index p = projector.partial();
-    product(Into::set, n, p, p, r, elements(k), rk);
+    product(Into::set, n, p, p, r, k, rk);
     scale(n, p, weight, rk, rk);
-    product(Into::add, n, n, p, rk, transposed(r), s);
+    product(Into::add, n, n, p, rk, r, s, By::transpose);
   }
 
   Regularization regularization;
@@ -239,7 +241,7 @@ class ProjectedSystem {
     return std::min(projector.partial(), projector.reach() - projector.free());
   }
   bool valid_kv() const noexcept { return !taken() || eta_ > sigma_; }
-  [[gnu::noinline]] bool set_kv(Block kv) noexcept {
+  [[gnu::noinline]] bool set_kv(const Block& kv) noexcept {
     if (!valid_kv()) return false;
     projector.weigh();
     const Index p = projector.partial();
@@ -248,7 +250,7 @@ class ProjectedSystem {
     return true;
   }
   /// L of η K₀ = L Lᵀ, where K_v > 0; `k` and `s` are scratch.
-  [[gnu::noinline]] bool factor_k(Block k, Block s, Block l) noexcept {
+  [[gnu::noinline]] bool factor_k(const Block& k, const Block& s, const Block& l) noexcept {
     const Index p = projector.partial();
     if (!set_kv(k) || !cholesky(p, k, l)) return false;
     scale(p, p, eta_, projector.k_free(), k);
@@ -257,7 +259,8 @@ class ProjectedSystem {
     return true;
   }
   /// side_ = (I + k)⁻¹ hᵀ b, h: r × p; `s` is scratch.
-  [[gnu::noinline]] bool correct(Index r, Block k, Block h, Block b, Block s) noexcept {
+  [[gnu::noinline]] bool correct(Index r, const Block& k, const Block& h, const Block& b,
+                                 const Block& s) noexcept {
     const Index p = projector.partial();
     for (Index j = 0; j < p; ++j) k(j, j) += Scalar(1);
     if (!cholesky(p, k, s)) return false;
@@ -266,12 +269,13 @@ class ProjectedSystem {
     return true;
   }
   /// z = f(m) rhs; `m` is overwritten, `square` scratch.
-  bool spectrally(Block m, Index n, Block rhs, Block z, Block square) noexcept {
+  bool spectrally(const Block& m, Index n, const Block& rhs, const Block& z,
+                  const Block& square) noexcept {
     if (sides_ == 1) {
       if (!spectral.apply(m, n, rhs.data, z.data, regularization)) return false;
     } else {
       if (!spectral.compute(m, n, square, regularization)) return false;
-      product(Into::set, n, sides_, n, square, elements(rhs), z);
+      product(Into::set, n, sides_, n, square, rhs, z);
       spectral.add_small(sides_, rhs, z);
     }
     small_eigenvalues_ = spectral.below() > 0;

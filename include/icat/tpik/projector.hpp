@@ -71,12 +71,12 @@ class Projector {
   Index partial() const noexcept { return partial_; }                     ///< p
   bool orthogonal() const noexcept { return partial_ == 0; }
   bool dense() const noexcept { return dense_; }
-  Block u() const noexcept { return u_; }  ///< b × p
-  Block v() const noexcept { return v_; }  ///< r × p, unless dense
+  const Block& u() const noexcept { return u_; }  ///< b × p
+  const Block& v() const noexcept { return v_; }  ///< r × p, unless dense
 
   /// x (n × k) in the axes.
-  void turn(Index k, Block x) const noexcept { turn_by(turned_, k, x); }
-  [[gnu::noinline]] void turn_back(Index k, Block x) const noexcept {
+  void turn(Index k, const Block& x) const noexcept { turn_by(turned_, k, x); }
+  [[gnu::noinline]] void turn_back(Index k, const Block& x) const noexcept {
     Index i = free_;
     for (; i + 2 <= turned_; i += 2) {
       reflect_twice(i + 2, tau_[i], reflections_[i], tau_[i + 1], reflections_[i + 1], overlap_[i],
@@ -85,25 +85,25 @@ class Projector {
     if (i < turned_) reflect(i + 1, tau_[i], reflections_[i], k, x);
   }
   /// x (b × k, in the axes) ← Lᵀ x (r × k).
-  [[gnu::noinline]] void restrict(Index k, Block x) const noexcept {
+  [[gnu::noinline]] void restrict(Index k, const Block& x) const noexcept {
     if (partial_ > 0) transposed_product(reach_, partial_, k, u_, x, work_);
     for (Index c = 0; c < k; ++c) fill_up(free_, x[c]);
     if (dense_) {
       add(free_, k, Scalar(-1), work_, x);
     } else if (partial_ > 0) {
-      product(Into::subtract, free_, k, partial_, v_, elements(work_), x);
+      product(Into::subtract, free_, k, partial_, v_, work_, x);
     }
   }
   /// out (b × k) = L x, x: r × k.
-  [[gnu::noinline]] void extend(Index k, Block x, Block out) const noexcept {
+  [[gnu::noinline]] void extend(Index k, const Block& x, const Block& out) const noexcept {
     copy_rows(free_, k, x, out);
     if (partial_ == 0) return;
     if (!dense_) transposed_product(free_, partial_, k, v_, x, work_);
-    product(Into::subtract, reach_, k, partial_, u_, elements(dense_ ? x : work_), out);
+    product(Into::subtract, reach_, k, partial_, u_, dense_ ? x : work_, out);
   }
 
   /// `k` more partial rows: U gains `u` (b × k), V `v` (r × k).
-  [[gnu::noinline]] void gain(Index k, Block u, Block v) noexcept {
+  [[gnu::noinline]] void gain(Index k, const Block& u, const Block& v) noexcept {
     start();
     weighed_ = false;
     if (!dense_ && partial_ + k < free_) {
@@ -113,10 +113,10 @@ class Projector {
       return;
     }
     become_dense();
-    product(Into::add, reach_, free_, k, u, transposed(v), u_);
+    product(Into::add, reach_, free_, k, u, v, u_, By::transpose);
   }
   /// Q ← Q − L `change` Nᵀ, r × r.
-  void gain(Block change) noexcept {
+  void gain(const Block& change) noexcept {
     start();
     become_dense();
     extend(free_, change, work_);
@@ -124,7 +124,7 @@ class Projector {
     weighed_ = false;
   }
   /// The span of `k` columns of `rows` (r × k, overwritten) is free no more.
-  void take(Index k, Block rows) noexcept {
+  void take(Index k, const Block& rows) noexcept {
     if (k == free_) return reset_to_zero();
     if (dense_) weighed_ = false;
     const Index before = free_;
@@ -132,12 +132,12 @@ class Projector {
       const Index n = free_--;
       Scalar* x = reflections_[n - 1];
       copy_between(Index(0), n, rows[i], x);
-      std::fill_n(x + padded<Scalar>(n), reflections_.stride - padded<Scalar>(n), Scalar(0));
+      clear(reflections_.stride - padded<Scalar>(n), x + padded<Scalar>(n));
       const Scalar tau = tau_[n - 1] = Reflection<Scalar>::make(n, x, n - 1).tau;
       overlap_[n - 1] = n < turned_ ? dot(n, x, reflections_[n]) : Scalar(0);
       reflect(n, tau, x, k - i - 1, rows.from(i + 1));
       if (dense_) {  // U ← U (I − tau x xᵀ) without its last column
-        product(Into::set, reach_, 1, n, u_, {x, 1, 0}, work_);
+        product(Into::set, reach_, 1, n, u_, {x, 0}, work_);
         add_outer(reach_, n - 1, -tau, work_[0], x, 1, u_);
         --partial_;
       }
@@ -154,9 +154,9 @@ class Projector {
 
   /// K₀ = U_NᵀU_N and K_t = U_tᵀU_t, p × p, of the rows of U on free axes and on those taken; and
   /// VᵀV, unless dense.
-  Block k_free() const noexcept { return k_free_; }
-  Block k_taken() const noexcept { return k_taken_; }
-  Block v_gram() const noexcept { return v_gram_; }
+  const Block& k_free() const noexcept { return k_free_; }
+  const Block& k_taken() const noexcept { return k_taken_; }
+  const Block& v_gram() const noexcept { return v_gram_; }
   /// Makes them ready.
   [[gnu::noinline]] void weigh() noexcept {
     if (weighed_) return;
@@ -172,7 +172,7 @@ class Projector {
     gram(reach_ - free_, partial_, work_, k_taken_);
   }
   /// U_t, (b − r) × p.
-  void copy_taken(Block out) const noexcept {
+  void copy_taken(const Block& out) const noexcept {
     copy_rows(reach_ - free_, partial_, {u_.data + free_, u_.stride}, out);
   }
 
@@ -181,7 +181,7 @@ class Projector {
     if (dense_) return;
     weighed_ = false;
     if (partial_ > 0) {
-      product(Into::set, reach_, free_, partial_, u_, transposed(v_), work_);
+      product(Into::set, reach_, free_, partial_, u_, v_, work_, By::transpose);
       copy(work_, u_, free_);
     } else {
       clear(u_, free_);
@@ -213,7 +213,7 @@ class Projector {
   }
 
   /// x (k columns) by the reflections that took the axes from free_ to `end`, two at a time.
-  [[gnu::noinline]] void turn_by(Index end, Index k, Block x) const noexcept {
+  [[gnu::noinline]] void turn_by(Index end, Index k, const Block& x) const noexcept {
     for (; end - 2 >= free_; end -= 2) {
       reflect_twice(end, tau_[end - 1], reflections_[end - 1], tau_[end - 2], reflections_[end - 2],
                     overlap_[end - 2], k, x);
@@ -225,17 +225,17 @@ class Projector {
   void move_weights(Index end) noexcept {
     const Index p = partial_, k = end - free_;
     transpose(k, p, {u_.data + free_, u_.stride}, work_);
-    product(Into::subtract, p, p, k, work_, transposed(work_), k_free_);
-    product(Into::add, p, p, k, work_, transposed(work_), k_taken_);
+    product(Into::subtract, p, p, k, work_, work_, k_free_, By::transpose);
+    product(Into::add, p, p, k, work_, work_, k_taken_, By::transpose);
     transpose(k, p, {v_.data + free_, v_.stride}, work_);
-    product(Into::subtract, p, p, k, work_, transposed(work_), v_gram_);
+    product(Into::subtract, p, p, k, work_, work_, v_gram_, By::transpose);
   }
 
   /// Takes axis i by exchanging it with the last free one, a reflection too.
   void drop(Index i) noexcept {
     const Index last = --free_;
     Scalar* x = reflections_[last];
-    std::fill_n(x, reflections_.stride, Scalar(0));
+    clear(reflections_.stride, x);
     tau_[last] = overlap_[last] = Scalar(0);
     if (i == last) {
       if (turned_ == last + 1) turned_ = last;

@@ -42,7 +42,7 @@ class StoredIteration : public PriorityIteration<Scalar, Regularization> {
   [[gnu::cold]] const Square& projector_matrix() const noexcept {
     for (Index j = 0; j < this->dof(); ++j) {
       const Scalar* column = this->projector_column(j);
-      std::copy_n(column, this->dof(), projector_.data() + j * this->dof());
+      copy(this->dof(), column, projector_.data() + j * this->dof());
     }
     return projector_;
   }

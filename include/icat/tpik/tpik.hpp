@@ -213,7 +213,7 @@ class Tpik {
   bool advance(LevelReport<Scalar>& level, bool closing) noexcept {
     const Scalar* increment = iteration_.increment.data;
     const Scalar share = bounded_ && !closing ? share_ : Scalar(1);
-    std::copy_n(rho_.data(), dof(), next_rho_.data());
+    detail::copy(dof(), rho_.data(), next_rho_.data());
     if (bounded_) {
       level.saturation_scale = options_.bounds.scale(dof(), rho_.data(), increment, share);
       options_.bounds.advance(dof(), next_rho_.data(), increment, level.saturation_scale, share);
@@ -224,7 +224,7 @@ class Tpik {
     if (level.status != Status::ok) return false;
     if (!closing) iteration_.accept();
     if (level.saturation_scale < Scalar(1)) saturate(level, share);
-    std::copy_n(next_rho_.data(), dof(), rho_.data());
+    detail::copy(dof(), next_rho_.data(), rho_.data());
     return true;
   }
 
@@ -249,7 +249,7 @@ class Tpik {
     level.saturation_steps = redistribution_.steps();
     const Scalar rest = options_.bounds.scale(dof(), rho_.data(), shared, share);
     level.saturation_scale = s * rest;
-    std::copy_n(rho_.data(), dof(), next_rho_.data());
+    detail::copy(dof(), rho_.data(), next_rho_.data());
     options_.bounds.advance(dof(), next_rho_.data(), shared, rest, share);
   }
 
