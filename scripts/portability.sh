@@ -335,6 +335,7 @@ arm64() {
   # It takes far longer than all else, which runs beside it: one of its shards ends before the others.
   oracle "$folder" qemu-aarch64 >"$folder/oracle.log" 2>&1 &
   oracle=$!
+  trap "wait $oracle" EXIT  # after a failure, too: the next build would run beside it
   qemu-aarch64 "$folder/test_grasp_mission"
   for scalar in double float; do
     n=()

@@ -98,7 +98,8 @@ template <class Scalar>
 }
 
 /// A panel: columns that are `stride` apart, each filled up with zeros to whole packets.
-/// Functions take it by reference: their many calls then are shorter, and cheaper to compile.
+/// Most functions take it by reference: their many calls are then shorter, and cheaper to compile.
+/// By value where a loop reads it after each call of another function.
 template <class Scalar>
 struct Panel {
   Scalar* data;
